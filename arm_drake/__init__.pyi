@@ -78,6 +78,19 @@ from arm_drake.launch.launch_files import load_launch as load_launch
 from arm_drake.launch.plan import LaunchArgument as LaunchArgument
 from arm_drake.launch.plan import LaunchPlan as LaunchPlan
 from arm_drake.launch.robot import LaunchedRobot as LaunchedRobot
+from arm_drake.planning.grasps import Grasp as Grasp
+from arm_drake.planning.grasps import find_grasps as find_grasps
+from arm_drake.planning.grippers import Gripper as Gripper
+from arm_drake.planning.grippers import find_gripper as find_gripper
+from arm_drake.manipulation.hand import PickOptions as PickOptions
+from arm_drake.manipulation.pick_and_place import (
+    Attempt as Attempt,
+    PickResult as PickResult,
+    PlaceResult as PlaceResult,
+    held_thing as held_thing,
+    pick as pick,
+    place as place,
+)
 from arm_drake.notebook import (
     PageHandle as PageHandle,
     Recording as Recording,

@@ -27,6 +27,7 @@ PACKAGES = [
     "worlds",
     "perception",
     "planning",
+    "manipulation",
     "rollout",
     "simulation",
     "wire",

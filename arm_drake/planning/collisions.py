@@ -123,7 +123,7 @@ class CollisionModel:
         self._padding = max(padding, _LEAST_PADDING)
         builder = RobotDiagramBuilder()
         plant = self._plant = builder.plant()
-        model = _add_robot(plant, robot)
+        model = add_colliding_robot(plant, robot)
         add_standing_world(plant, world, robot.package_paths)
         plant.Finalize()
         self._at = {
@@ -374,19 +374,23 @@ class CollisionModel:
         plant, description = self._plant, robot.description
         matrix = np.array(self.checker.GetFilteredCollisionMatrix())
         joints = {joint.name: joint for joint in description.movable_joints}
-        moved = np.zeros(plant.num_bodies(), dtype=bool)
+        # By what moves them: bodies with the same joints above stay as they are to each
+        # other, as a gripper's fingers on an arm do.
+        movers: list[tuple[str, ...]] = [()] * plant.num_bodies()
         index = {}
         for link in description.links:
             if plant.HasBodyNamed(link, model):
                 at = int(plant.GetBodyByName(link, model).index())
                 index[link] = at
-                moved[at] = any(
-                    last_master(joint, joints)[0] in self.joints
+                movers[at] = tuple(
+                    joint.name
                     for joint in joints_above(description.joints, link)
                     if joint.name in joints
+                    and last_master(joint, joints)[0] in self.joints
                 )
-        still = ~moved
-        matrix[np.outer(still, still) & (matrix == 0)] = 1
+        numbers = {each: number for number, each in enumerate(dict.fromkeys(movers))}
+        kinds = np.array([numbers[each] for each in movers])
+        matrix[np.equal.outer(kinds, kinds) & (matrix == 0)] = 1
         for one, two in find_disabled_collisions(robot, LoadReport()):
             if one in index and two in index:
                 _disable(matrix, index[one], index[two])
@@ -428,7 +432,7 @@ def _disable(matrix: np.ndarray, one: int, two: int) -> None:
         matrix[one, two] = matrix[two, one] = 1
 
 
-def _add_robot(plant: MultibodyPlant, robot: Robot) -> ModelInstanceIndex:
+def add_colliding_robot(plant: MultibodyPlant, robot: Robot) -> ModelInstanceIndex:
     """Add a robot's links that collide, its base fixed."""
     root = copy.deepcopy(robot.description.root)
     for link in root.iterfind("link"):

@@ -32,7 +32,7 @@ from arm_drake.messages import (
     TopicRejected,
 )
 from arm_drake.rollout.rollout import ClientInput
-from arm_drake.simulation.motion import PlanTo
+from arm_drake.simulation.motion import Task
 from arm_drake.simulation.topics import describe_grip
 
 
@@ -344,7 +344,7 @@ class Mailbox:
             place = self._place(event.request)
             return f"{place}{name}{MANAGER}: switch refused: {event.message}"
         kind = _KINDS.get(type(event.message), "message")
-        if isinstance(event.message, PlanTo):
+        if isinstance(event.message, Task):
             return f"{self._place(event.message)}{event.reason}"
         return f"{self._place(event.message)}{name}: {kind} refused: {event.reason}"
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, TypeVar
 
-from arm_drake.errors import MotionError, suggest
+from arm_drake.errors import MotionError, quoted, suggest
 from arm_drake.messages import (
     Duration,
     FollowJointTrajectoryGoal,
@@ -62,8 +62,38 @@ class PlanTo(Message):
     options: Mapping[str, Any] = dc.field(default_factory=dict)
 
 
+@dc.dataclass(frozen=True, eq=False)
+class PickThing(Message):
+    """A thing that is grasped and lifted, once the robot rests."""
+
+    thing: str
+
+    # Which robot; None is the first one.
+    robot: str | None = None
+
+    # Further arguments of `pick`.
+    options: Mapping[str, Any] = dc.field(default_factory=dict)
+
+
+@dc.dataclass(frozen=True, eq=False)
+class PlaceThing(Message):
+    """Where to put down what the gripper holds, once the robot rests."""
+
+    # x, y, z [m]; roll, pitch, yaw [rad] may follow.
+    pose: tuple[float, ...]
+
+    # Which robot; None is the first one.
+    robot: str | None = None
+
+    # Further arguments of `place`.
+    options: Mapping[str, Any] = dc.field(default_factory=dict)
+
+
+# What a robot does when it rests, however long it takes.
+Task: TypeAlias = PlanTo | PickThing | PlaceThing
+
 # What a step stands for.
-Sent: TypeAlias = StepMessage | TopicMessage | SetPayloads | PlanTo
+Sent: TypeAlias = StepMessage | TopicMessage | SetPayloads | Task
 
 
 # End of the name of the topic on which controllers are told how fast to move.
@@ -117,7 +147,7 @@ class Motion:
         ends = [_end(step, factors.get(_receiver(step), ())) for step in self.steps]
         planned = 0.0
         for step in self.steps:
-            if isinstance(step.message, PlanTo):  # It waits for those before.
+            if isinstance(step.message, Task):  # It waits for those before.
                 planned = max(planned, step.at) + _PLANNED
         ends.append(planned)
         if self.repeats:
@@ -276,3 +306,116 @@ class Fields:
             return kind(**data)
         except (TypeError, ValueError, OverflowError) as error:
             raise self.error(where, str(error)) from None
+
+
+# What a plan leads to, and how it may be; with the type of each.
+PLAN_GOALS = ("state", "positions", "pose")
+PLAN_OPTIONS: Mapping[str, type] = {
+    "robot": str,
+    "group": str,
+    "frame": str,
+    "straight": bool,
+    "velocity_scaling": float,
+    "acceleration_scaling": float,
+    "padding": float,
+    "time_limit": float,
+    "seed": int,
+}
+
+# How to pick and to place, with the type of each; None is a pose.
+PICK_OPTIONS: Mapping[str, type | None] = {
+    "robot": str,
+    "group": str,
+    "goal": None,
+    "approach": float,
+    "lift": float,
+    "retreat": float,
+    "tries": int,
+    "upright": float,
+    "velocity_scaling": float,
+    "acceleration_scaling": float,
+    "time_limit": float,
+    "seed": int,
+}
+
+
+def read_plan_to(fields: Fields, value: Any, where: str) -> PlanTo:
+    """Return where to plan to: a state, positions or a pose, and how."""
+    data = dict(fields.mapping(value, where, (*PLAN_GOALS, *PLAN_OPTIONS)))
+    goals = [key for key in PLAN_GOALS if key in data]
+    if len(goals) != 1:
+        expected = f"expected one of {', '.join(PLAN_GOALS)}"
+        raise fields.error(where, f"{expected}; got {quoted(goals) or 'none'}")
+    (kind,) = goals
+    place, to, mask = f"{where}.{kind}", data.pop(kind), None
+    if kind == "pose":
+        to = fields.numbers(to, place)
+        if len(to) not in (3, 6):
+            expected = "expected x, y, z [m] or x, y, z, roll, pitch, yaw [m, rad]"
+            raise fields.error(place, f"{expected}, got {list(to)}")
+        if len(to) == 3:
+            to, mask = (*to, 0.0, 0.0, 0.0), (True,) * 3 + (False,) * 3
+    elif kind == "positions":
+        names = fields.mapping(to, place)
+        to = {str(n): fields.number(v, f"{place}.{n}") for n, v in names.items()}
+    elif not isinstance(to, str):
+        raise fields.error(place, f"expected a name, got {to!r}")
+    _check_options(fields, data, where, PLAN_OPTIONS)
+    robot = data.pop("robot", None)
+    return PlanTo(to, robot, data if mask is None else {**data, "mask": mask})
+
+
+def read_pick(fields: Fields, value: Any, where: str) -> PickThing:
+    """Return what to pick, and how: a name, or a mapping with `thing`."""
+    data = dict(_task_options(fields, value, where, "thing", PICK_OPTIONS))
+    thing = data.pop("thing")
+    if not isinstance(thing, str):
+        raise fields.error(where, f"expected the name of a thing, got {thing!r}")
+    if "goal" in data:
+        data["goal"] = _read_place_pose(fields, data["goal"], f"{where}.goal")
+    return PickThing(thing, data.pop("robot", None), data)
+
+
+def read_place(fields: Fields, value: Any, where: str) -> PlaceThing:
+    """Return where to place, and how: a pose, or a mapping with `pose`."""
+    data = dict(_task_options(fields, value, where, "pose", PICK_OPTIONS))
+    pose = _read_place_pose(fields, data.pop("pose"), where)
+    return PlaceThing(pose, data.pop("robot", None), data)
+
+
+def _task_options(
+    fields: Fields, value: Any, where: str, key: str, known: Mapping[str, type | None]
+) -> Mapping[str, Any]:
+    """Return what a task is given by name; what isn't a mapping is its main part."""
+    if not isinstance(value, Mapping):
+        return {key: value}
+    data = fields.mapping(value, where, (key, *known))
+    if key not in data:
+        raise fields.error(where, f"expected {key!r}, got {sorted(data)}")
+    _check_options(fields, data, where, known)
+    return data
+
+
+def _read_place_pose(fields: Fields, value: Any, where: str) -> tuple[float, ...]:
+    numbers = fields.numbers(value, where)
+    if len(numbers) not in (3, 6):
+        expected = "expected x, y, z [m] or x, y, z, roll, pitch, yaw [m, rad]"
+        raise fields.error(where, f"{expected}, got {list(numbers)}")
+    return numbers
+
+
+def _check_options(
+    fields: Fields,
+    data: Mapping[str, Any],
+    where: str,
+    known: Mapping[str, type | None],
+) -> None:
+    """Raise MotionError if an option isn't of its type; None is any."""
+    for key, type_ in known.items():
+        if key not in data or type_ is None:
+            continue
+        if type_ is float:
+            fields.number(data[key], f"{where}.{key}")
+        elif type(data[key]) is not type_:
+            noun = {str: "a name", bool: "true or false", int: "an integer"}[type_]
+            raise fields.error(f"{where}.{key}", f"expected {noun}, got {data[key]!r}")

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeAlias
 from arm_drake import yaml_files
 from arm_drake.description.bundled import bundled_motions, bundled_robots
 from arm_drake.description.robot import Robot
-from arm_drake.errors import InputError, MotionError, quoted, suggest
+from arm_drake.errors import InputError, MotionError, suggest
 from arm_drake.messages import (
     Duration,
     Float64MultiArray,
@@ -31,10 +31,12 @@ from arm_drake.simulation.motion import (
     Fields,
     Motion,
     MotionStep,
-    PlanTo,
     Sent,
     SetPayloads,
     TopicMessage,
+    read_pick,
+    read_place,
+    read_plan_to,
 )
 from arm_drake.simulation.topics import ControllerTopics
 
@@ -362,38 +364,6 @@ def _read_payload(fields: Fields, value: Any, where: str) -> SetPayloads:
     return SetPayloads(found)
 
 
-def _read_plan_to(fields: Fields, value: Any, where: str) -> PlanTo:
-    """Return where to plan to: a state, positions or a pose, and how."""
-    data = dict(fields.mapping(value, where, (*PLAN_GOALS, *PLAN_OPTIONS)))
-    goals = [key for key in PLAN_GOALS if key in data]
-    if len(goals) != 1:
-        expected = f"expected one of {', '.join(PLAN_GOALS)}"
-        raise fields.error(where, f"{expected}; got {quoted(goals) or 'none'}")
-    (kind,) = goals
-    place, to, mask = f"{where}.{kind}", data.pop(kind), None
-    if kind == "pose":
-        to = fields.numbers(to, place)
-        if len(to) not in (3, 6):
-            expected = "expected x, y, z [m] or x, y, z, roll, pitch, yaw [m, rad]"
-            raise fields.error(place, f"{expected}, got {list(to)}")
-        if len(to) == 3:
-            to, mask = (*to, 0.0, 0.0, 0.0), (True,) * 3 + (False,) * 3
-    elif kind == "positions":
-        names = fields.mapping(to, place)
-        to = {str(n): fields.number(v, f"{place}.{n}") for n, v in names.items()}
-    elif not isinstance(to, str):
-        raise fields.error(place, f"expected a name, got {to!r}")
-    for key, option in data.items():
-        type_ = PLAN_OPTIONS[key]
-        if type_ is float:
-            data[key] = fields.number(option, f"{where}.{key}")
-        elif type(option) is not type_:
-            noun = {str: "a name", bool: "true or false", int: "an integer"}[type_]
-            raise fields.error(f"{where}.{key}", f"expected {noun}, got {option!r}")
-    robot = data.pop("robot", None)
-    return PlanTo(to, robot, data if mask is None else {**data, "mask": mask})
-
-
 class StepKind(NamedTuple):
     """A key of motion files: whom it is for, and the message that it stands for."""
 
@@ -408,20 +378,6 @@ class StepKind(NamedTuple):
     message_type: type[Message] | None = None
     make: Callable[[ControllerTopics, Any], tuple[str, Message]] | None = None
 
-
-# What a plan leads to, and how it may be; with the type of each.
-PLAN_GOALS = ("state", "positions", "pose")
-PLAN_OPTIONS: Mapping[str, type] = {
-    "robot": str,
-    "group": str,
-    "frame": str,
-    "straight": bool,
-    "velocity_scaling": float,
-    "acceleration_scaling": float,
-    "padding": float,
-    "time_limit": float,
-    "seed": int,
-}
 
 _ONE = ("controller",)
 _ONE_OR_TOPIC = ("controller", "topic")
@@ -457,7 +413,9 @@ STEP_KINDS: Mapping[str, StepKind] = {
     ),
     "switch_controllers": StepKind((), _read_switch),
     "payload": StepKind((), _read_payload),
-    "plan_to": StepKind((), _read_plan_to),
+    "plan_to": StepKind((), read_plan_to),
+    "pick": StepKind((), read_pick),
+    "place": StepKind((), read_place),
     "data": StepKind(("topic",), _read_data),
     "commands_from_to": StepKind(_ONE),
     "data_from_to": StepKind(("topics",)),

@@ -1,9 +1,9 @@
 """Playback of a motion: its steps, sent to the controllers of a simulation."""
 
-from collections.abc import Callable, Collection, Mapping
-from typing import Protocol
+from collections.abc import Callable, Collection, Iterator, Mapping
+from typing import Any, NamedTuple, Protocol
 
-from arm_drake.errors import InputError, MotionError
+from arm_drake.errors import ArmDrakeError, InputError, MotionError
 from arm_drake.messages import SwitchController
 from arm_drake.plant.payloads import Payload, Payloads
 from arm_drake.simulation import clients
@@ -12,8 +12,11 @@ from arm_drake.simulation.directory import ControllerList, Directory
 from arm_drake.simulation.motion import (
     Motion,
     MotionStep,
+    PickThing,
+    PlaceThing,
     PlanTo,
     SetPayloads,
+    Task,
     TopicMessage,
 )
 
@@ -60,8 +63,11 @@ class Runner(Protocol):
     def send_plan(self, message: PlanTo, *, where: str) -> bool:
         """Plan and send a motion, unless the robot moves; return whether it rested."""
 
-    def reject_plan(self, message: PlanTo, *, where: str) -> None:
-        """Take note of a motion that wasn't planned as its robot never rested."""
+    def rests(self, robot: str | None = None) -> bool:
+        """Return whether no joint of a robot moves, and no goal makes one move."""
+
+    def reject_task(self, message: Task, reason: str, *, where: str) -> None:
+        """Take note of what a robot was to do and didn't, and why."""
 
     def request_switch(self, request: SwitchController, *, where: str) -> None:
         """Send a request to a controller manager."""
@@ -86,6 +92,8 @@ class Player:
             simulation.motions.append(motion)
         self._start = simulation.time
         self._waiting: list[MotionStep] = []
+        # By robot; None is the first one.
+        self._running: dict[str | None, _Running] = {}
         self._steps = self._motion.timeline()
         self._next = next(self._steps, None)
 
@@ -112,40 +120,106 @@ class Player:
                 targets.append(due - 0.5 * self._tolerance)
             if self._waiting:
                 targets.append(simulation.time + _LOOK_PERIOD)
+            targets += [task.due for task in self._running.values()]
             if progress is not None:
                 targets.append(report_at)
             simulation.advance_to(max(min(targets), simulation.time))
 
     def give_up(self) -> None:
-        """Say which motions weren't planned as their robots didn't come to rest."""
+        """Say what wasn't begun as robots didn't come to rest, or wasn't ended."""
+        ended = "not done: the simulation ended before"
+        for task in self._running.values():
+            self._reject(task.step, ended)
         for step in self._waiting:
-            assert isinstance(step.message, PlanTo)
-            where = self._motion.place(step)
-            self._simulation.reject_plan(step.message, where=where)
+            self._reject(step, "not planned: the robot didn't come to rest in time")
         self._waiting.clear()
+        self._running.clear()
+
+    def _reject(self, step: MotionStep, reason: str) -> None:
+        assert isinstance(step.message, Task)
+        where = self._motion.place(step)
+        self._simulation.reject_task(step.message, reason, where=where)
 
     def _send_due(self) -> None:
         now = self._simulation.time + self._tolerance
         while self._next is not None and self._start + self._next[0] <= now:
             step = self._next[1]
-            if isinstance(step.message, PlanTo):
+            if isinstance(step.message, Task):
                 self._waiting.append(step)
             else:
                 send_step(self._simulation, self._motion, step)
             self._next = next(self._steps, None)
-        self._send_plans()
+        self._go_on(now)
+        self._start_tasks()
 
-    def _send_plans(self) -> None:
-        """Send the motions whose robots rest, of each robot the first."""
-        busy: set[str | None] = set()
+    def _go_on(self, now: float) -> None:
+        """Go on with what robots do, where it is time [s]."""
+        for robot, task in tuple(self._running.items()):
+            if task.due > now:
+                continue
+            due = next(task.times, None)
+            if due is None:
+                del self._running[robot]
+            else:
+                self._running[robot] = task._replace(due=due)
+
+    def _start_tasks(self) -> None:
+        """Start what robots do that rest, of each robot the first."""
+        busy: set[str | None] = set(self._running)
         for step in tuple(self._waiting):
             message, where = step.message, self._motion.place(step)
-            assert isinstance(message, PlanTo)
+            assert isinstance(message, Task)
             if message.robot in busy:
                 continue
             busy.add(message.robot)
-            if self._simulation.send_plan(message, where=where):
+            if isinstance(message, PlanTo):
+                if self._simulation.send_plan(message, where=where):
+                    self._waiting.remove(step)
+                continue
+            if self._simulation.rests(message.robot):
                 self._waiting.remove(step)
+                times = _perform(self._simulation, message, where)
+                self._running[message.robot] = _Running(step, times, 0.0)
+                self._go_on(self._simulation.time)
+
+
+class _Running(NamedTuple):
+    """A task that a robot is about."""
+
+    step: MotionStep
+
+    # Times until which to simulate [s], and the next of them.
+    times: Iterator[float]
+    due: float
+
+
+def _perform(
+    simulation: Any, message: PickThing | PlaceThing, where: str
+) -> Iterator[float]:
+    """Yield times until which to simulate [s], while a robot picks or places."""
+    from arm_drake.manipulation.pick_and_place import picking, placing
+
+    options = {**message.options, "robot": message.robot}
+    try:
+        if isinstance(message, PickThing):
+            result: Any = yield from picking(simulation, message.thing, **options)
+        else:
+            result = yield from placing(simulation, message.pose, **options)
+    except ArmDrakeError as error:
+        simulation.reject_task(message, str(error), where=where)
+    else:
+        if not result:
+            simulation.reject_task(message, result.reason, where=where)
+
+
+def _check_hand(simulation: Any, message: PickThing | PlaceThing) -> None:
+    """Raise InputError if a robot has no gripper, or there is no such thing."""
+    from arm_drake.manipulation.hand import Hand, read_options
+
+    options = read_options({**message.options, "robot": message.robot})
+    hand = Hand(simulation, options)
+    if isinstance(message, PickThing):
+        hand.find_thing(message.thing)
 
 
 def check_motion(simulation: Runner, motion: Motion) -> None:
@@ -166,10 +240,13 @@ def check_motion(simulation: Runner, motion: Motion) -> None:
         try:
             if isinstance(step.message, SetPayloads):
                 simulation.check_payloads(step.message.payloads)
-            elif isinstance(step.message, PlanTo):
+            elif isinstance(step.message, Task):
                 if motion.repeats:
                     raise InputError("a motion that repeats can't plan; leave it out")
-                simulation.check_plan(step.message)
+                if isinstance(step.message, PlanTo):
+                    simulation.check_plan(step.message)
+                else:
+                    _check_hand(simulation, step.message)
             elif isinstance(step.message, SwitchController):
                 activated |= _check_switch(simulation, step.message)
             else:
@@ -193,7 +270,7 @@ def send_step(simulation: Runner, motion: Motion, step: MotionStep) -> None:
     if isinstance(message, TopicMessage):
         simulation.topic(message.topic).publish(message.data, where=where)
         return
-    assert not isinstance(message, PlanTo)  # A player sends it, when the robot rests.
+    assert not isinstance(message, Task)  # A player starts it, when the robot rests.
     clients.send_step(simulation.controller(_receiver(step)), message, where)
 
 
@@ -217,7 +294,7 @@ def _check_message(
         names = topic.controllers
     else:
         names = (_receiver(step),)
-        assert not isinstance(step.message, SetPayloads | PlanTo)
+        assert not isinstance(step.message, SetPayloads | Task)
         simulation.controller(names[0]).check(step.message)
     # Of several that read a topic, one is enough.
     if not any(states[name] == "active" or name in activated for name in names):

@@ -55,7 +55,7 @@ from arm_drake.simulation.mailbox import (
     Rejection,
     SimulationEvent,
 )
-from arm_drake.simulation.motion import Motion, PlanTo, default_duration
+from arm_drake.simulation.motion import Motion, PlanTo, Task, default_duration
 from arm_drake.simulation.motion_files import (
     MotionSource,
     find_motion,
@@ -656,7 +656,7 @@ class Simulation:
             late = "" if goal.status.is_terminal else " after its trajectory's end"
             self.controller(goal.controller).cancel()
             raise SimulationError(f"{goal.controller}: goal {goal.describe()}{late}")
-        while not self._rests(name) and self.time < end:
+        while not self.rests(name) and self.time < end:
             self.advance_to(self.time + self.period)
         return found
 
@@ -679,7 +679,7 @@ class Simulation:
         from arm_drake.planning.motion_planning import plan
 
         name = self.directory.manager(message.robot).robot.name
-        if not self._rests(name):
+        if not self.rests(name):
             return False
         try:
             found = plan(self, message.to, name=name, **message.options)
@@ -689,9 +689,8 @@ class Simulation:
             self.send_planned(found, where=where)
         return True
 
-    def reject_plan(self, message: PlanTo, *, where: str) -> None:
-        """Take note of a motion that wasn't planned as its robot never rested."""
-        reason = "not planned: the robot didn't come to rest in time"
+    def reject_task(self, message: Task, reason: str, *, where: str) -> None:
+        """Take note of what a robot was to do and didn't, and why."""
         self.mailbox.reject(message, reason, where)
         self.collect_events()
 
@@ -711,8 +710,8 @@ class Simulation:
         name = f"{manager.prefix}{require_controller(manager.robot, plan.group)}"
         return self.controller(name).send_goal(plan.trajectory, where=where)
 
-    def _rests(self, robot: str) -> bool:
-        """Whether no joint of a robot moves, and no goal makes one move."""
+    def rests(self, robot: str | None = None) -> bool:
+        """Return whether no joint of a robot moves, and no goal makes one move."""
         from arm_drake.planning.setting import find_moving
 
         prefix = self.directory.manager(robot).prefix

@@ -30,6 +30,8 @@ from arm_drake.messages import (
 from arm_drake.simulation.motion import (
     Motion,
     MotionStep,
+    PickThing,
+    PlaceThing,
     PlanTo,
     SetPayloads,
     TopicMessage,
@@ -40,13 +42,14 @@ POINT = "{positions: [1, 2.5], time_from_start: 2}"
 TIME = "expected seconds or {sec: int, nanosec: int}"
 KINDS = (
     "['cancel', 'cmd_vel', 'commands', 'commands_from_to', 'data', 'data_from_to', "
-    "'goal', 'gripper_command', 'payload', 'plan_to', 'speed_scaling', "
-    "'switch_controllers', "
+    "'goal', 'gripper_command', 'payload', 'pick', 'place', 'plan_to', "
+    "'speed_scaling', 'switch_controllers', "
     "'trajectory', 'trajectory_table']"
 )
 KEYS = (
     "at, cancel, cmd_vel, commands, commands_from_to, controller, count, data, "
-    "data_from_to, every, goal, gripper_command, payload, ping_pong, plan_to, repeat, "
+    "data_from_to, every, goal, gripper_command, payload, pick, ping_pong, place, "
+    "plan_to, repeat, "
     "speed_scaling, switch_controllers, topic, topics, trajectory, trajectory_table"
 )
 RAMP = "every: 1, count: 3, controller: a, commands_from_to"
@@ -329,6 +332,8 @@ def test_the_motions_of_the_docs_can_be_read():
         Float64MultiArray,
         SpeedScalingFactor,
         SwitchController,
+        PickThing,
+        PlaceThing,
         PlanTo,
         TopicMessage,
         Twist,

@@ -1,0 +1,1 @@
+"""What robots do with things: pick, place, and follow by sight."""

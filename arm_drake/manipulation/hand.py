@@ -1,0 +1,681 @@
+"""An arm with its gripper in a simulation: what is there, ways to it, and motions.
+
+Motions are generators of the times until which to simulate, so that whoever runs the
+simulation does so. What is known of the scene is read from the simulation.
+"""
+
+import dataclasses as dc
+import math
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple, Protocol, TypeAlias, TypeVar
+
+import numpy as np
+from pydrake.geometry import SceneGraph
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RigidBody
+
+from arm_drake.description.robot import Robot
+from arm_drake.errors import InputError, quoted, suggest
+from arm_drake.manager.loaded_controllers import ControllerState
+from arm_drake.messages import (
+    Duration,
+    GoalStatus,
+    GripperCommand,
+    JointTrajectory,
+    JointTrajectoryPoint,
+)
+from arm_drake.planning.grasps import (
+    Grasp,
+    GraspedShape,
+    explain_no_grasp,
+    find_grasps,
+)
+from arm_drake.planning.grippers import Gripper, find_gripper
+from arm_drake.planning.inverse_kinematics import (
+    WHOLE_POSE,
+    NoSolution,
+    forward_kinematics,
+    read_pose,
+    solve_ik,
+)
+from arm_drake.planning.motion_planning import Plan, plan
+from arm_drake.planning.orientation_constraint import OrientationConstraint
+from arm_drake.planning.setting import PlanningError, Running, find_moving
+
+T = TypeVar("T")
+
+# What yields times until which to simulate [s], and returns something in the end.
+Activity: TypeAlias = Generator[float, None, T]
+
+# How often something is looked at [s].
+_LOOK = 0.02
+
+# A gripper has stalled if it moves by less than a part of its stroke per second for a
+# while [s]; it has so long at most [s].
+_STALLED, _STALL_TIME, _GRIPPER_PATIENCE = 0.02, 0.2, 6.0
+
+# How long a gripper takes from open to closed [s].
+_GRIPPER_TIME = 1.0
+
+# Distance that counts as a collision on straight ways to things and from them, and on
+# other ways [m].
+_CLOSE, _FAR = 1e-3, 5e-3
+
+# Joints that an arm needs to turn its gripper as it is asked to, and how nearly the
+# approach has to be an axis of the palm for the turn about it to be left out.
+_TURNING, _ALONG = 5, 0.999
+
+# How much fingers may be turned from the faces that they press on [rad].
+_SKEW = 0.12
+
+# Grasps whose reach is looked at, the best ones.
+_LOOKED_AT = 40
+
+# Turns of a thing that are tried where any will do.
+_GOAL_TURNS = 8
+
+# How much of the way back is tried.
+_PARTS = (1.0, 0.6, 0.3)
+
+# How far fingers open on either side to let go [m].
+_RELEASE = 6e-3
+
+# How much longer than its plan a motion may take, and how often streams of commands
+# are sent [s].
+_PATIENCE, _STREAM = 5.0, 0.01
+
+
+class Goal(Protocol):
+    """What became of a goal: a GoalHandle."""
+
+    @property
+    def status(self) -> GoalStatus:
+        """What is known of it."""
+
+    def describe(self) -> str:
+        """Return it in words."""
+
+
+class Handle(Protocol):
+    """What sends to a controller: a ControllerHandle."""
+
+    def command(self, values: Sequence[float]) -> None:
+        """Send commands."""
+
+    def send_goal(self, goal: JointTrajectory | GripperCommand) -> Any:
+        """Send a goal."""
+
+    def send_trajectory(self, trajectory: JointTrajectory) -> None:
+        """Send a trajectory."""
+
+    def cancel(self, goal: Any) -> None:
+        """Cancel a goal."""
+
+
+class Runner(Running, Protocol):
+    """What runs a diagram with robots and their controllers: a Simulation."""
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+
+    @property
+    def plant(self) -> MultibodyPlant:
+        """The plant of robots and world."""
+
+    def advance_to(self, time: float) -> None:
+        """Simulate up to a time [s]."""
+
+    def list_controllers(self) -> Sequence[ControllerState]:
+        """Return the controllers and their states."""
+
+    def controller(self, name: str) -> Handle:
+        """Return what sends to a controller."""
+
+
+@dc.dataclass(frozen=True, kw_only=True)
+class PickOptions:
+    """How to pick and place: what may be given to `pick` and `place` by name."""
+
+    # Which robot of the simulation, and which of its arms; None is the first.
+    robot: str | None = None
+    group: str | None = None
+
+    # Where the thing is to be placed later: only grasps from which the arm reaches that
+    # are taken. A pose as that of `place`; None is anywhere.
+    goal: RigidTransform | Sequence[float] | None = None
+
+    # How far from a grasp its approach begins, how high things are lifted, and how far
+    # the gripper draws back [m].
+    approach: float = 0.05
+    lift: float = 0.05
+    retreat: float = 0.05
+
+    # Grasps to try at most.
+    tries: int = 4
+
+    # How far the thing may tilt while it is carried [rad]; None is as far as it likes.
+    upright: float | None = None
+
+    # Parts of the joints' speed and acceleration to use.
+    velocity_scaling: float = 1.0
+    acceleration_scaling: float = 1.0
+
+    # How long to look for a way [s], and the seed of the search.
+    time_limit: float = 5.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Raise InputError for what can't be."""
+        for name in ("approach", "lift", "retreat"):
+            value = getattr(self, name)
+            if not isinstance(value, int | float) or not 0.0 < value < math.inf:
+                raise InputError(f"{name}: expected a distance [m], got {value!r}")
+        if isinstance(self.tries, bool) or not isinstance(self.tries, int):
+            raise InputError(f"tries: expected a number, got {self.tries!r}")
+        if self.tries < 1:
+            raise InputError(f"tries: expected at least 1, got {self.tries}")
+        upright = self.upright
+        if upright is not None and not isinstance(upright, int | float):
+            raise InputError(f"upright: expected an angle [rad], got {upright!r}")
+        if self.goal is not None:
+            read_goal(self.goal)
+
+
+class Place(NamedTuple):
+    """Where a thing is to be placed, and whether it may be turned there."""
+
+    X_WG: RigidTransform
+    turns: bool
+
+    def poses(self, X_WO: RigidTransform) -> Iterator[RigidTransform]:
+        """Yield poses of a thing: as it stands now, then turned about the vertical."""
+        if not self.turns:
+            yield self.X_WG
+            return
+        for number in range(_GOAL_TURNS):
+            # 0, 45, -45, 90, ... degrees.
+            part = ((number + 1) // 2) * (-1) ** number / _GOAL_TURNS
+            R = RotationMatrix.MakeZRotation(2.0 * math.pi * part)
+            yield RigidTransform(R @ X_WO.rotation(), self.X_WG.translation())
+
+
+def read_goal(pose: RigidTransform | Sequence[float]) -> Place:
+    """Return where a thing is to be placed, or raise InputError."""
+    is_position = isinstance(pose, Sequence | np.ndarray) and len(pose) == 3
+    whole = [*pose, 0.0, 0.0, 0.0] if is_position else pose
+    return Place(read_pose(whole), is_position)
+
+
+def read_options(options: Mapping[str, Any]) -> PickOptions:
+    """Return options given by name, or raise InputError."""
+    names = [field.name for field in dc.fields(PickOptions)]
+    for name in options:
+        if name not in names:
+            raise InputError(f"pick: no option {name!r}; {suggest(name, names)}")
+    return PickOptions(**options)
+
+
+class Failure(Exception):
+    """A stage that failed, and why."""
+
+    def __init__(self, stage: str, reason: str) -> None:
+        """Create it."""
+        super().__init__(reason)
+        self.stage, self.reason = stage, reason
+
+
+def shifted(X: RigidTransform, by: Sequence[float] | np.ndarray) -> RigidTransform:
+    """Return a pose that is moved in the world [m]."""
+    return RigidTransform(X.rotation(), X.translation() + np.asarray(by))
+
+
+class Hand:
+    """A robot's arm with its gripper, and what it can do."""
+
+    def __init__(self, simulation: Runner, options: PickOptions) -> None:
+        """Take a robot's arm, or raise InputError if there is none with a gripper."""
+        self.simulation, self.options = simulation, options
+        robots = simulation.robots
+        name = next(iter(robots)) if options.robot is None else options.robot
+        if name not in robots:
+            raise InputError(f"robot: no robot {name!r}; {suggest(name, robots)}")
+        self.robot: Robot = robots[name]
+        self.prefix = f"{name}/" if len(robots) > 1 else ""
+        self.gripper: Gripper = find_gripper(self.robot, options.group)
+        self._mask = self._find_mask()
+        self._arm = self._find_drive(self.gripper.group.joints)
+        self._fingers = self._find_drive(tuple(self.gripper.open))
+
+    def _find_mask(self) -> tuple[bool, ...]:
+        """Return what of a pose the arm is asked for: with four joints no turn.
+
+        They hold the gripper in the plane of the arm, and so say how it is turned
+        about its approach.
+        """
+        axis = np.abs(self.gripper.approach_axis)
+        if len(self.gripper.group.joints) >= _TURNING or axis.max() < _ALONG:
+            return WHOLE_POSE
+        free = 3 + int(axis.argmax())
+        return tuple(row != free for row in range(6))
+
+    def _find_drive(self, joints: Sequence[str]) -> "Drive":
+        """Return the controller of exactly these joints, an active one first."""
+        states = {row.name: row.state for row in self.simulation.list_controllers()}
+        found = []
+        for controller in self.robot.controllers.controllers:
+            kind = next(
+                (k for end, k in _KINDS.items() if controller.type.endswith(end)), None
+            )
+            if kind is None:
+                continue
+            named = [
+                parameter.value
+                for name in ("joints", "joint")
+                if (parameter := controller.parameters.get(name)) is not None
+            ]
+            names = [named[0]] if named and isinstance(named[0], str) else named[:1]
+            flat = names[0] if names and isinstance(names[0], list) else names
+            if set(map(str, flat or ())) == set(joints):
+                name = f"{self.prefix}{controller.name}"
+                found.append(Drive(name, kind, tuple(map(str, flat))))
+        found.sort(key=lambda drive: states.get(drive.controller) != "active")
+        if not found:
+            names = [each.name for each in self.robot.controllers.controllers]
+            raise InputError(
+                f"no controller takes positions of exactly {quoted(joints)}; there "
+                f"are {quoted(names) or 'none'}"
+            )
+        return found[0]
+
+    def find_thing(self, name: str) -> str:
+        """Return the name of a body that can move, or raise InputError."""
+        names = [body.name() for body in self._things()]
+        if name not in names:
+            hint = suggest(str(name), names) if names else "there is none"
+            raise InputError(f"no thing {name!r} that could be moved; {hint}")
+        return name
+
+    def _things(self) -> Iterator[RigidBody]:
+        plant = self.simulation.plant
+        robots = {plant.GetModelInstanceByName(n) for n in self.simulation.robots}
+        for index in plant.GetFloatingBaseBodies():
+            body = plant.get_body(index)
+            if body.model_instance() not in robots:
+                yield body
+
+    def pose_of(self, thing: str) -> RigidTransform:
+        """Return the pose of a thing in the world."""
+        return self._pose(next(b for b in self._things() if b.name() == thing))
+
+    def palm(self) -> RigidTransform:
+        """Return the pose of the palm in the world."""
+        plant = self.simulation.plant
+        model = plant.GetModelInstanceByName(self.robot.name)
+        return self._pose(plant.GetBodyByName(self.gripper.palm, model))
+
+    def pose_in_palm(self, thing: str) -> RigidTransform:
+        """Return the pose of a thing in the palm."""
+        return self.palm().inverse() @ self.pose_of(thing)
+
+    def _pose(self, body: RigidBody) -> RigidTransform:
+        plant = self.simulation.plant
+        context = plant.GetMyContextFromRoot(self.simulation.context)
+        return RigidTransform(plant.EvalBodyPoseInWorld(context, body))
+
+    def _shape_of(self, thing: str) -> tuple[GraspedShape, RigidTransform]:
+        """Return the shape of a thing, and its pose on the body."""
+        plant = self.simulation.plant
+        scene_graph = self.simulation.diagram.GetSubsystemByName("scene_graph")
+        assert isinstance(scene_graph, SceneGraph)
+        inspector = scene_graph.model_inspector()
+        body = next(b for b in self._things() if b.name() == thing)
+        shapes = plant.GetCollisionGeometriesForBody(body)
+        if len(shapes) != 1:
+            raise InputError(
+                f"thing {thing!r} has {len(shapes)} collision shapes; grasps are "
+                "found for one"
+            )
+        shape = inspector.GetShape(shapes[0])
+        return shape, RigidTransform(inspector.GetPoseInFrame(shapes[0]))
+
+    def choose(
+        self, thing: str, tried: Sequence[Grasp]
+    ) -> tuple[Grasp, Mapping[str, float]] | str:
+        """Return the best new grasp and where it begins, or why there is none.
+
+        The arm gets there on a straight line, lifts the thing, and does so at its goal.
+        """
+        shape, X_OG = self._shape_of(thing)
+        X_WO = self.pose_of(thing)
+        grasps = find_grasps(self.gripper, shape, X_WO, X_OG=X_OG)
+        if not grasps:
+            return f"{thing!r}: {explain_no_grasp(self.gripper, shape)}"
+        seen, reason = 0, ""
+        for grasp in grasps:
+            if any(is_like(grasp, other) for other in tried):
+                continue
+            if seen >= _LOOKED_AT:
+                break
+            seen += 1
+            X_WP = X_WO @ grasp.X_OP
+            back = X_WO.rotation().matrix() @ grasp.approach
+            before = shifted(X_WP, -self.options.approach * back)
+            up = shifted(X_WP, [0.0, 0.0, self.options.lift])
+            closed = self.gripper.positions(grasp.pre_grasp)
+            try:
+                found = self.find_way(X_WP, [before, up], thing, closed)
+                self._check_goal(X_WO, grasp, thing)
+            except Failure as failure:
+                reason = reason or failure.reason
+                continue
+            return grasp, found
+        if not seen:
+            return f"all {len(tried)} grasps of {thing!r} were tried"
+        return f"of {seen} grasps of {thing!r} the arm reaches none: {reason}"
+
+    def _check_goal(self, X_WO: RigidTransform, grasp: Grasp, thing: str) -> None:
+        """Raise Failure if the arm can't put the thing to its goal with a grasp."""
+        if self.options.goal is None:
+            return
+        failures = []
+        for X_WG in read_goal(self.options.goal).poses(X_WO):
+            X_WP = X_WG @ grasp.X_OP
+            try:
+                self.find_way(X_WP, self.ways_out(X_WP), thing)
+            except Failure as failure:
+                failures.append(failure)
+            else:
+                return
+        raise failures[0]
+
+    def ways_out(self, X_WP: RigidTransform) -> list[RigidTransform]:
+        """Return where the palm is above the place of a thing, and drawn back."""
+        options = self.options
+        back = X_WP.rotation().matrix() @ self.gripper.approach_axis
+        return [
+            shifted(X_WP, [0.0, 0.0, options.lift]),
+            shifted(X_WP, -_PARTS[-1] * options.retreat * back),
+        ]
+
+    def find_way(
+        self,
+        X_WP: RigidTransform,
+        lines: Sequence[RigidTransform],
+        thing: str,
+        fingers: Mapping[str, float] | None = None,
+    ) -> Mapping[str, float]:
+        """Return joint positions from which the palm gets to a pose straight.
+
+        Args:
+            X_WP: The pose.
+            lines: Other poses: the first one is where it comes from; to the others it
+                gets straight, too.
+            thing: What is grasped there, which may be touched.
+            fingers: Where the gripper's joints are; None is as far open as it gets.
+
+        Raises:
+            Failure: If there are none.
+        """
+        reasons = []
+        for start in self._solve(X_WP):
+            own = {**start, **(fingers or self.gripper.open)}
+            try:
+                ways = [
+                    self._plan(to, straight=True, ignore=[thing], start=own)
+                    for to in lines
+                ]
+            except (PlanningError, NoSolution) as error:
+                reasons.append(str(error))
+                continue
+            return ways[0].end
+        raise Failure("reach", reasons[0])
+
+    def _solve(self, X_WP: RigidTransform) -> list[dict[str, float]]:
+        """Return positions of the arm's joints for a pose, the nearest first."""
+        palm, joints = self.gripper.palm, self.gripper.group.joints
+        try:
+            solution = solve_ik(
+                self.robot,
+                palm,
+                X_WP,
+                seed=self._positions(),
+                group=joints,
+                mask=self._mask,
+                collision_free=True,
+                all_solutions=True,
+            )
+        except NoSolution as error:
+            raise Failure("reach", str(error)) from None
+        X = forward_kinematics(self.robot, solution.positions, palm)
+        miss = float((X.inverse() @ X_WP).rotation().ToAngleAxis().angle())
+        if miss > _SKEW:
+            text = f"the arm holds {palm!r} turned by {miss:.2f} rad there"
+            raise Failure("reach", text)
+        every = (solution.positions, *solution.others)
+        return [{name: each[name] for name in joints} for each in every]
+
+    def _positions(self) -> dict[str, float]:
+        """Return where the robot's independent joints are [rad] or [m]."""
+        state = self.simulation.joint_states(self.robot.name)
+        own = {j.name for j in self.robot.description.movable_joints if not j.mimic}
+        rows = zip(state.name, state.position, strict=True)
+        return {name: position for name, position in rows if name in own}
+
+    def width(self) -> float:
+        """Return how far the pads are apart [m]."""
+        return self.gripper.width_at(self._positions())
+
+    def release(self) -> float:
+        """Return how far the gripper is closed when it has let go of what it holds."""
+        return self.gripper.at(self.width() + 2.0 * _RELEASE).closed
+
+    def find_held(self) -> str | None:
+        """Return the thing that both fingers press on, if any."""
+        plant = self.simulation.plant
+        model = plant.GetModelInstanceByName(self.robot.name)
+        sides = [
+            {int(plant.GetBodyByName(link, model).index()) for link in links}
+            for links in self.gripper.fingers
+        ]
+        touched: list[set[int]] = [set(), set()]
+        for one, other in self._contacts():
+            for side, links in enumerate(sides):
+                if one in links:
+                    touched[side].add(other)
+                if other in links:
+                    touched[side].add(one)
+        for body in self._things():
+            if int(body.index()) in touched[0] & touched[1]:
+                return str(body.name())
+        return None
+
+    def _contacts(self) -> Iterator[tuple[int, int]]:
+        """Yield the bodies that touch now, by their indices."""
+        plant = self.simulation.plant
+        context = plant.GetMyContextFromRoot(self.simulation.context)
+        results = plant.get_contact_results_output_port().Eval(context)
+        for index in range(results.num_point_pair_contacts()):
+            info = results.point_pair_contact_info(index)
+            yield int(info.bodyA_index()), int(info.bodyB_index())
+        scene_graph = self.simulation.diagram.GetSubsystemByName("scene_graph")
+        assert isinstance(scene_graph, SceneGraph)
+        inspector = scene_graph.model_inspector()
+        for index in range(results.num_hydroelastic_contacts()):
+            surface = results.hydroelastic_contact_info(index).contact_surface()
+            one, other = (
+                int(plant.GetBodyFromFrameId(inspector.GetFrameId(g)).index())
+                for g in (surface.id_M(), surface.id_N())
+            )
+            yield one, other
+
+    def move(
+        self,
+        to: RigidTransform | Mapping[str, float],
+        stage: str,
+        *,
+        straight: bool = False,
+        ignore: Sequence[str] = (),
+        held: str | None = None,
+    ) -> Activity[None]:
+        """Plan a motion of the arm and follow it, or raise Failure."""
+        more: dict[str, Any] = {}
+        if held is not None:
+            more["attached"] = {self.gripper.palm: held}
+            if self.options.upright is not None:
+                limit = self.options.upright
+                constraint = OrientationConstraint(self.gripper.palm, limit)
+                more["path_constraint"] = constraint
+        try:
+            found = self._plan(to, straight=straight, ignore=ignore, **more)
+        except (PlanningError, NoSolution) as error:
+            raise Failure(stage, str(error)) from None
+        yield from self._arm.follow(self.simulation, found, stage)
+        yield from self._settle()
+
+    def _plan(
+        self,
+        to: RigidTransform | Mapping[str, float],
+        *,
+        straight: bool,
+        ignore: Sequence[str],
+        **more: Any,
+    ) -> Plan:
+        """Return a plan for the palm, or joints."""
+        options = self.options
+        return plan(
+            self.simulation,
+            to,
+            name=self.robot.name,
+            group=self.gripper.group.joints,
+            frame=self.gripper.palm,
+            straight=straight,
+            ignore=ignore,
+            mask=self._mask,
+            padding=_CLOSE if straight else _FAR,
+            velocity_scaling=options.velocity_scaling,
+            acceleration_scaling=options.acceleration_scaling,
+            time_limit=options.time_limit,
+            seed=options.seed,
+            **more,
+        )
+
+    def draw_back(self, thing: str) -> Activity[None]:
+        """Move the open gripper straight back from a thing, as far as it gets."""
+        X = self.palm()
+        back = -(X.rotation().matrix() @ self.gripper.approach_axis)
+        for part in _PARTS:
+            to = shifted(X, part * self.options.retreat * back)
+            try:
+                yield from self.move(to, "", straight=True, ignore=[thing])
+            except Failure as failure:
+                last = failure
+            else:
+                return
+        raise last
+
+    def _settle(self) -> Activity[None]:
+        """Wait until the arm rests."""
+        end = self.simulation.time + 2.0
+        while self.simulation.time < end:
+            state = self.simulation.joint_states(self.robot.name)
+            if not find_moving(state):
+                return
+            yield self.simulation.time + _LOOK
+
+    def move_gripper(
+        self, closed: float, stage: str, *, needs_stall: bool = False
+    ) -> Activity[None]:
+        """Move the fingers, 0 is open and 1 closed, until they are there or stall."""
+        simulation, gripper = self.simulation, self.gripper
+        goal = gripper.positions(closed)
+        start = self._positions()
+        self._fingers.send(simulation, goal)
+        span = max(abs(gripper.closed[n] - gripper.open[n]) for n in goal)
+        largest = max(abs(goal[n] - start[n]) for n in goal)
+        if largest < 0.01 * span and not needs_stall:
+            return
+        begun, still, before = simulation.time, simulation.time, start
+        while simulation.time < begun + _GRIPPER_PATIENCE:
+            yield simulation.time + _LOOK
+            now = self._positions()
+            moved = max(abs(now[n] - before[n]) for n in goal)
+            if moved > _STALLED * span * _LOOK:
+                still = simulation.time
+            before = now
+            if simulation.time - max(still, begun + 0.3) >= _STALL_TIME:
+                return
+        raise Failure(stage, "the fingers neither arrive nor stall")
+
+
+# Ends of the types of controllers that take positions, and how.
+_KINDS = {
+    "JointTrajectoryController": "trajectory",
+    "GripperActionController": "gripper",
+    "ParallelGripperActionController": "gripper",
+    "GripperController": "gripper",
+    "JointGroupPositionController": "commands",
+    "ForwardCommandController": "commands",
+}
+
+
+class Drive(NamedTuple):
+    """The controller of some joints."""
+
+    controller: str
+    kind: str
+    joints: tuple[str, ...]
+
+    def send(self, simulation: Runner, goal: Mapping[str, float]) -> None:
+        """Send joints somewhere [rad] or [m]."""
+        handle = simulation.controller(self.controller)
+        values = tuple(goal[name] for name in self.joints)
+        if self.kind == "commands":
+            handle.command(values)
+        elif self.kind == "gripper":
+            handle.send_goal(GripperCommand(values[0]))
+        else:
+            point = JointTrajectoryPoint(
+                positions=values, time_from_start=Duration.of(_GRIPPER_TIME)
+            )
+            trajectory = JointTrajectory(joint_names=self.joints, points=(point,))
+            handle.send_trajectory(trajectory)
+
+    def follow(self, simulation: Runner, found: Plan, stage: str) -> Activity[None]:
+        """Follow a plan to its end, or raise Failure."""
+        if self.kind == "commands":
+            yield from self._stream(simulation, found)
+            return
+        handle = simulation.controller(self.controller)
+        goal = handle.send_goal(found.trajectory)
+        end = simulation.time + found.duration + _PATIENCE
+        while not goal.status.is_terminal and simulation.time < end:
+            yield simulation.time + _LOOK
+        if goal.status is not GoalStatus.SUCCEEDED:
+            late = "" if goal.status.is_terminal else " after its trajectory's end"
+            handle.cancel(goal)
+            what = f"{self.controller}: goal {goal.describe()}{late}"
+            raise Failure(stage, what)
+
+    def _stream(self, simulation: Runner, found: Plan) -> Activity[None]:
+        """Send the points of a plan as commands."""
+        handle = simulation.controller(self.controller)
+        points = found.trajectory.points
+        at = [found.trajectory.joint_names.index(name) for name in self.joints]
+        t = np.array([point.time_from_start.to_seconds() for point in points])
+        q = np.array([point.positions for point in points])[:, at]
+        begun = simulation.time
+        while True:
+            now = simulation.time - begun
+            handle.command([float(np.interp(now, t, row)) for row in q.T])
+            if now >= t[-1]:
+                return
+            yield simulation.time + _STREAM
+
+
+def is_like(one: Grasp, other: Grasp) -> bool:
+    """Return whether two grasps are nearly the same."""
+    miss = one.X_OP.inverse() @ other.X_OP
+    near = float(np.linalg.norm(miss.translation())) < 1e-3
+    return near and float(miss.rotation().ToAngleAxis().angle()) < 0.05

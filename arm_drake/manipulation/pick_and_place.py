@@ -1,0 +1,295 @@
+"""Pick and place: a robot of a simulation takes a thing, and puts it somewhere.
+
+A pick is: a pose before the grasp, which is planned for; a straight approach; fingers
+that close until they stall; a look whether the thing is between them; a straight lift,
+and a look whether it came along. What goes wrong is an outcome with its reason, and the
+next grasp is tried.
+"""
+
+import contextlib
+import dataclasses as dc
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from pydrake.math import RigidTransform
+
+from arm_drake.manipulation.hand import (
+    Activity,
+    Failure,
+    Hand,
+    PickOptions,
+    Place,
+    Runner,
+    read_goal,
+    read_options,
+    shifted,
+)
+from arm_drake.planning.grasps import Grasp
+
+T = TypeVar("T")
+
+# How much a thing may slip in the fingers while it is lifted [m], [rad].
+_SLIP, _TURN = 0.01, 0.3
+
+# How much above its pose a thing is let go [m].
+_DROP = 3e-4
+
+
+class Attempt(NamedTuple):
+    """A grasp that was tried."""
+
+    grasp: Grasp | None
+
+    # What was done when it failed: "reach", "approach", "close", "lift"; or "".
+    stage: str
+
+    # Why it failed, in words; nothing if it didn't.
+    reason: str
+
+
+@dc.dataclass(frozen=True)
+class PickResult:
+    """What became of picking a thing."""
+
+    # The name of the thing.
+    thing: str
+
+    # Whether the gripper holds it, lifted.
+    success: bool
+
+    # Why it doesn't, in words.
+    reason: str = ""
+
+    # What was tried, in order; the last one is the one that holds.
+    attempts: tuple[Attempt, ...] = ()
+
+    # The pose of the thing in the gripper's palm, if it is held.
+    X_PO: RigidTransform | None = None
+
+    # How long it took [s].
+    duration: float = 0.0
+
+    def __bool__(self) -> bool:
+        """Whether the thing is held."""
+        return self.success
+
+
+@dc.dataclass(frozen=True)
+class PlaceResult:
+    """What became of placing a thing."""
+
+    # The name of the thing, if any was held.
+    thing: str
+
+    # Whether the gripper has let go of it.
+    success: bool
+
+    # Why not, or what went wrong after that, in words.
+    reason: str = ""
+
+    # Where the thing is, and by how much it misses the pose asked for [m], [rad].
+    pose: RigidTransform | None = None
+    position_error: float = math.nan
+    orientation_error: float = math.nan
+
+    # How long it took [s].
+    duration: float = 0.0
+
+    def __bool__(self) -> bool:
+        """Whether the thing was placed."""
+        return self.success
+
+
+def pick(simulation: Runner, thing: str, **options: Any) -> PickResult:
+    """Have a robot grasp a thing and lift it; simulate until it is done.
+
+    Args:
+        simulation: The simulation; its robot rests.
+        thing: The name of a body of the world that can move.
+        options: The fields of `PickOptions`.
+
+    Returns:
+        Whether the thing is held, else why not.
+
+    Raises:
+        InputError: If there is no such thing, no gripper, or an argument can't be used.
+    """
+    return _run(simulation, picking(simulation, thing, **options))
+
+
+def place(
+    simulation: Runner, pose: RigidTransform | Sequence[float], **options: Any
+) -> PlaceResult:
+    """Have a robot put down what its gripper holds; simulate until it is done.
+
+    Args:
+        simulation: The simulation; its robot rests and holds something.
+        pose: Where the thing should be in the world, as a transform or as x, y, z [m],
+            roll, pitch, yaw [rad]. With x, y, z alone it may be turned about the
+            vertical.
+        options: The fields of `PickOptions`.
+
+    Returns:
+        Whether the thing was let go, where it is, else why not.
+
+    Raises:
+        InputError: If there is no gripper, or an argument can't be used.
+    """
+    return _run(simulation, placing(simulation, pose, **options))
+
+
+def held_thing(
+    simulation: Runner, *, robot: str | None = None, group: str | None = None
+) -> str | None:
+    """Return the name of the thing that both fingers of a gripper press on, if any.
+
+    Args:
+        simulation: The simulation.
+        robot: Which robot; None is the first one.
+        group: Planning group of the arm; None is the first one with a gripper.
+    """
+    return Hand(simulation, PickOptions(robot=robot, group=group)).find_held()
+
+
+def _run(simulation: Runner, activity: Activity[T]) -> T:
+    """Simulate until an activity is done, and return what it returns."""
+    while True:
+        try:
+            simulation.advance_to(max(next(activity), simulation.time))
+        except StopIteration as stop:
+            result: T = stop.value
+            return result
+
+
+def picking(simulation: Runner, thing: str, **options: Any) -> Activity[PickResult]:
+    """Return what `pick` does, for those who simulate by themselves."""
+    hand = Hand(simulation, read_options(options))
+    body = hand.find_thing(thing)
+    return _pick(hand, body)
+
+
+def placing(
+    simulation: Runner, pose: RigidTransform | Sequence[float], **options: Any
+) -> Activity[PlaceResult]:
+    """Return what `place` does, for those who simulate by themselves."""
+    hand = Hand(simulation, read_options(options))
+    return _place(hand, read_goal(pose))
+
+
+def _pick(hand: "Hand", thing: str) -> Activity[PickResult]:
+    began = hand.simulation.time
+    attempts: list[Attempt] = []
+
+    def result(reason: str) -> PickResult:
+        duration = hand.simulation.time - began
+        held = None if reason else hand.pose_in_palm(thing)
+        return PickResult(thing, not reason, reason, tuple(attempts), held, duration)
+
+    held = hand.find_held()
+    if held is not None:
+        return result(f"the gripper holds {held!r}")
+    while len([a for a in attempts if a.stage != "reach"]) < hand.options.tries:
+        tried = [a.grasp for a in attempts if a.grasp is not None]
+        found = hand.choose(thing, tried)
+        if isinstance(found, str):
+            attempts.append(Attempt(None, "reach", found))
+            break
+        grasp, before = found
+        try:
+            yield from _grasp(hand, thing, grasp, before)
+        except Failure as failure:
+            attempts.append(Attempt(grasp, failure.stage, failure.reason))
+            yield from _give_up(hand, thing)
+            continue
+        attempts.append(Attempt(grasp, "", ""))
+        return result("")
+    last = attempts[-1]
+    told = [a for a in attempts if a.grasp is not None] or [last]
+    tries = "" if len(told) < 2 else f"{len(told)} grasps failed, the last one: "
+    return result(f"{tries}{told[-1].reason}")
+
+
+def _grasp(
+    hand: "Hand", thing: str, grasp: Grasp, before: Mapping[str, float]
+) -> Activity[None]:
+    """Go to a thing, close, and lift it, or raise Failure."""
+    X_WP = hand.pose_of(thing) @ grasp.X_OP
+    yield from hand.move_gripper(grasp.pre_grasp, "approach")
+    yield from hand.move(before, "reach")
+    yield from hand.move(X_WP, "approach", straight=True, ignore=[thing])
+    yield from hand.move_gripper(1.0, "close", needs_stall=True)
+    if hand.find_held() != thing:
+        raise Failure(
+            "close",
+            f"the fingers don't both press on {thing!r}: they came to rest "
+            f"{1e3 * hand.width():.1f} mm apart, and it is {1e3 * grasp.width:.1f} mm "
+            "wide there",
+        )
+    start, height = hand.pose_in_palm(thing), hand.pose_of(thing).translation()[2]
+    lift = hand.options.lift
+    up = shifted(hand.palm(), [0.0, 0.0, lift])
+    yield from hand.move(up, "lift", straight=True, ignore=[thing])
+    end, lifted = hand.pose_in_palm(thing), hand.pose_of(thing).translation()[2]
+    slip = start.inverse() @ end
+    away = float(np.linalg.norm(slip.translation()))
+    turn = float(slip.rotation().ToAngleAxis().angle())
+    if hand.find_held() != thing or lifted - height < 0.5 * lift:
+        raise Failure("lift", f"{thing!r} was lost while it was lifted")
+    if away > _SLIP or turn > _TURN:
+        raise Failure(
+            "lift",
+            f"{thing!r} slipped by {1e3 * away:.1f} mm and {turn:.2f} rad while it "
+            "was lifted",
+        )
+
+
+def _give_up(hand: "Hand", thing: str) -> Activity[None]:
+    """Open the gripper and draw back, as far as that is possible."""
+    yield from hand.move_gripper(0.0, "")
+    with contextlib.suppress(Failure):  # The next grasp will tell.
+        yield from hand.draw_back(thing)
+
+
+def _place(hand: "Hand", asked: Place) -> Activity[PlaceResult]:
+    began = hand.simulation.time
+    thing = hand.find_held()
+
+    def result(reason: str, *, success: bool = False) -> PlaceResult:
+        duration = hand.simulation.time - began
+        if thing is None:
+            return PlaceResult("", False, reason, duration=duration)
+        X = hand.pose_of(thing)
+        miss = X.inverse() @ goal
+        away = float(np.linalg.norm(X.translation() - goal.translation()))
+        angle = float(miss.rotation().ToAngleAxis().angle())
+        return PlaceResult(thing, success, reason, X, away, angle, duration)
+
+    goal = asked.X_WG
+    if thing is None:
+        return result("the gripper holds nothing")
+    X_PO = hand.pose_in_palm(thing)
+    reasons: list[str] = []
+    found = None
+    for goal in asked.poses(hand.pose_of(thing)):
+        X_WP = shifted(goal, [0.0, 0.0, _DROP]) @ X_PO.inverse()
+        try:
+            above = hand.find_way(X_WP, hand.ways_out(X_WP), thing)
+            yield from hand.move(above, "reach", held=thing)
+            yield from hand.move(X_WP, "lower", straight=True, ignore=[thing])
+        except Failure as failure:
+            reasons.append(failure.reason)
+            continue
+        found = goal
+        break
+    if found is None:
+        return result(reasons[-1])
+    yield from hand.move_gripper(hand.release(), "")
+    try:
+        yield from hand.draw_back(thing)
+    except Failure as failure:
+        return result(f"it doesn't get away: {failure.reason}", success=True)
+    if hand.find_held() is not None:
+        return result(f"{thing!r} sticks to the fingers")
+    return result("", success=True)
