@@ -91,6 +91,11 @@ from arm_drake.manipulation.pick_and_place import (
     pick as pick,
     place as place,
 )
+from arm_drake.manipulation.visual_servoing import (
+    FollowOptions as FollowOptions,
+    FollowResult as FollowResult,
+    follow as follow,
+)
 from arm_drake.notebook import (
     PageHandle as PageHandle,
     Recording as Recording,
