@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from arm_drake.simulation.motion_files import parse_motion
 from arm_drake.worlds.things import with_things
 from arm_drake.worlds.world import load_world
 from tests.models import bob, joint, load, ros2_control, trajectory_controllers
+from tests.snippets import ROOT, read_blocks
 
 GAIN = 2.0
 
@@ -145,6 +147,18 @@ def test_the_interaction_matrix_is_the_derivative_of_what_is_seen() -> None:
         turned = (see(p - h * turn) - see(p + h * turn)) / (2.0 * h)
         np.testing.assert_allclose(L[:, column], moved, rtol=1e-6, atol=1e-9)
         np.testing.assert_allclose(L[:, 3 + column], turned, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_the_program_of_the_page_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    page = ROOT / "docs/visual_servoing.md"
+    (program,) = (b.text for b in read_blocks(page) if b.language == "python")
+    names: dict[str, Any] = {}
+    monkeypatch.chdir(ROOT)
+
+    exec(program, names)  # noqa: S102
+
+    assert np.abs(names["found"].errors[-1]).max() < 3e-3
 
 
 @pytest.mark.slow
