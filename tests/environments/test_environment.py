@@ -3,6 +3,7 @@
 import concurrent.futures
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -105,6 +106,29 @@ def test_the_sphere_is_where_the_picture_shows_it() -> None:
     assert np.isfinite(colors).all()
     # It went somewhere else, and is one.
     assert np.linalg.norm(colors[0] - colors[1]) > 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["meshcat", "human"])
+def test_a_page_shows_the_sphere_and_a_human_sees_real_time(
+    mode: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    environment = ad.make_env("doosan_a0912", render_mode=mode)
+    environment.reset(seed=1)
+    began = time.monotonic()
+
+    for _ in range(10):
+        environment.step(np.zeros(6))
+
+    assert environment.meshcat is not None
+    assert environment.meshcat.HasPath("task/0")
+    if mode == "human":
+        assert opened == [environment.meshcat.web_url()]
+        # Ten steps are half a second.
+        assert time.monotonic() - began > 0.45
+    environment.close()
 
 
 @pytest.mark.slow
