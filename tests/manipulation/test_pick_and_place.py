@@ -9,7 +9,7 @@ from pydrake.multibody.plant import MultibodyPlant
 
 import arm_drake as ad
 from arm_drake.errors import MotionError
-from arm_drake.simulation.motion_files import parse_motion
+from arm_drake.simulation.motion_files import load_motion, parse_motion
 from arm_drake.worlds.world import add_world
 from tests.snippets import ROOT, read_blocks
 
@@ -81,20 +81,19 @@ def test_the_page_shows_what_works() -> None:
 
 
 @pytest.mark.slow
-def test_steps_of_a_motion_pick_and_place() -> None:
-    simulation = simulate(at(BOX, 0.2, 0.05, 0.4))
-    motion = parse_motion(
-        [
-            {"at": 0.0, "pick": {"thing": "box", "goal": [0.15, -0.15, 0.02]}},
-            {"at": 0.0, "place": [0.15, -0.15, 0.02]},
-        ]
-    )
+def test_the_tutorial_takes_the_box_from_the_table_into_the_bin() -> None:
+    robot = ad.load_robot("mycobot_280", xacro_args={"control": "ros2_control"})
+    simulation = ad.Simulation(ad.build_diagram(robot, world="house_table"))
+    before = pose_of(simulation, "box").translation()
 
-    simulation.run(12.0, motion)
+    simulation.run(12.0, load_motion("pick_and_place", robot=robot))
 
+    assert before == pytest.approx([0.2, 0.05, 0.07])
     assert simulation.rejected == []
+    # On the bin's bottom, 16 mm high; and the arm is home.
     X = pose_of(simulation, "box")
-    assert X.translation() == pytest.approx([0.15, -0.15, 0.02], abs=5e-3)
+    assert X.translation() == pytest.approx([0.05, -0.22, 0.036], abs=5e-3)
+    assert np.abs(simulation.joint_states().position[:6]).max() < 0.02
 
 
 def test_a_step_that_can_not_be_done_is_told_with_its_place() -> None:
