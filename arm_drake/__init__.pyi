@@ -91,6 +91,11 @@ from arm_drake.manipulation.pick_and_place import (
     pick as pick,
     place as place,
 )
+from arm_drake.manipulation.visual_servoing import (
+    FollowOptions as FollowOptions,
+    FollowResult as FollowResult,
+    follow as follow,
+)
 from arm_drake.notebook import (
     PageHandle as PageHandle,
     Recording as Recording,
@@ -99,6 +104,8 @@ from arm_drake.notebook import (
     view as view,
 )
 from arm_drake.options import SimulationOptions as SimulationOptions
+from arm_drake.perception.boxes import FoundBox as FoundBox
+from arm_drake.perception.boxes import find_box as find_box
 from arm_drake.perception.cameras import CameraHandle as CameraHandle
 from arm_drake.perception.lidar import LidarHandle as LidarHandle
 from arm_drake.perception.sensors import add_camera as add_camera

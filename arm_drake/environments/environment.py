@@ -15,20 +15,13 @@ import numpy as np
 from pydrake.geometry import (
     ClippingRange,
     ColorRenderCamera,
-    GeometryId,
-    GeometryInstance,
-    LightParameter,
-    MakeRenderEngineVtk,
-    PerceptionProperties,
     RenderCameraCore,
-    RenderEngineVtkParams,
     Rgba,
     SceneGraph,
     Shape,
     Sphere,
 )
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.systems.framework import Context, Diagram
 from pydrake.systems.sensors import CameraInfo
 
 from arm_drake.arrays import Array
@@ -40,6 +33,7 @@ from arm_drake.errors import InputError, SimulationError, suggest
 from arm_drake.loading import load_robot
 from arm_drake.messages import Duration, JointTrajectory, JointTrajectoryPoint
 from arm_drake.options import SimulationOptions
+from arm_drake.perception.scenery import RENDERER, Mark, Scenery
 from arm_drake.planning.groups import find_group
 from arm_drake.plant.joint_ranges import joint_ranges, randomize
 from arm_drake.simulation.simulation import Simulation
@@ -63,6 +57,9 @@ _SPEED, _EFFORT = 1.0, 10.0
 # Size of a picture, vertical field of view [rad], and what it sees [m].
 _WIDTH, _HEIGHT, _FIELD_OF_VIEW = 640, 480, 0.8
 _NEAR, _FAR = 0.01, 100.0
+
+# Colour behind everything.
+_SKY = (0.9, 0.93, 0.97)
 
 # Joint velocities that are observed, over the joint's limit, at most.
 _MOST = 2.0
@@ -275,7 +272,7 @@ class Environment(gymnasium.Env[Array, Array]):
         diagram = build_diagram(
             robot, world=world, options=options, meshcat=self.meshcat
         )
-        self._camera = _Camera(diagram) if render_mode == "rgb_array" else None
+        self._camera = _Camera() if render_mode == "rgb_array" else None
         self.simulation = Simulation(diagram)
         self.generator = np.random.default_rng()
         count = len(self._actuation.joints)
@@ -510,60 +507,31 @@ def _limits(
 
 
 class _Camera:
-    """Takes pictures of a diagram by VTK, without a page."""
+    """Takes pictures of a simulation, without a page."""
 
-    def __init__(self, diagram: Diagram) -> None:
-        """Let the diagram be drawn; it has no context yet."""
-        self._scene_graph: SceneGraph = diagram.GetSubsystemByName("scene_graph")
-        lights = [
-            LightParameter(type="directional", direction=direction, intensity=intensity)
-            for direction, intensity in (
-                ((0.3, 0.8, -1.0), 1.5),
-                ((-0.8, 1, -0.3), 1.0),
-            )
-        ]
-        parameters = RenderEngineVtkParams(
-            default_clear_color=np.array([0.9, 0.93, 0.97]), lights=lights
-        )
-        self._scene_graph.AddRenderer("picture", MakeRenderEngineVtk(parameters))
+    def __init__(self) -> None:
+        """Load nothing yet."""
+        self._scenery = Scenery(None, _SKY)
         core = RenderCameraCore(
-            "picture",
+            RENDERER,
             CameraInfo(_WIDTH, _HEIGHT, _FIELD_OF_VIEW),
             ClippingRange(_NEAR, _FAR),
             RigidTransform(),
         )
         self._camera = ColorRenderCamera(core)
-        self._source = self._scene_graph.RegisterSource("task")
-        self._added: list[GeometryId] = []
 
     def take(self, simulation: Simulation, shapes: Sequence[TaskShape]) -> Array:
         """Return a picture, shape (480, 640, 3), uint8."""
-        scene_graph = self._scene_graph
-        context = scene_graph.GetMyMutableContextFromRoot(simulation.context)
-        output = scene_graph.get_query_output_port()
-        known = set(output.Eval(context).inspector().GetAllGeometryIds())
-        for old in self._added:
-            if old in known:  # A reset takes them away.
-                scene_graph.RemoveGeometry(context, self._source, old)
-        self._added = [self._add(context, each) for each in shapes]
+        scene_graph = simulation.diagram.GetSubsystemByName("scene_graph")
+        assert isinstance(scene_graph, SceneGraph)
+        context = scene_graph.GetMyContextFromRoot(simulation.context)
+        query = scene_graph.get_query_output_port().Eval(context)
+        self._scenery.mark(query, [Mark(*each) for each in shapes])
         points = np.array([X.translation() for X in simulation.link_poses().values()])
         middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
         size = max(float(np.ptp(points, axis=0).max()), 0.3)
         eye = middle + 2.2 * size * np.array([0.8, -1.0, 0.45])
-        picture = output.Eval(context).RenderColorImage(
-            self._camera, scene_graph.world_frame_id(), _look_at(eye, middle)
-        )
-        return np.array(picture.data[..., :3])
-
-    def _add(self, context: Context, seen: TaskShape) -> GeometryId:
-        scene_graph = self._scene_graph
-        instance = GeometryInstance(seen.pose, seen.shape, "task")
-        properties = PerceptionProperties()
-        properties.AddProperty("phong", "diffuse", seen.color)
-        instance.set_perception_properties(properties)
-        return scene_graph.RegisterGeometry(
-            context, self._source, scene_graph.world_frame_id(), instance
-        )
+        return self._scenery.color(query, self._camera, _look_at(eye, middle))
 
 
 def _look_at(eye: Array, target: Array) -> RigidTransform:

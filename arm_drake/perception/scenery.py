@@ -17,9 +17,11 @@ from pydrake.geometry import (
     FrameId,
     FramePoseVector,
     GeometryFrame,
+    GeometryId,
     GeometryInstance,
     LightParameter,
     MakeRenderEngineVtk,
+    PerceptionProperties,
     QueryObject,
     RenderEngineVtkParams,
     RenderLabel,
@@ -27,6 +29,7 @@ from pydrake.geometry import (
     Role,
     SceneGraph,
     SceneGraphInspector,
+    Shape,
     SourceId,
 )
 from pydrake.math import RigidTransform
@@ -68,6 +71,16 @@ class _Loaded(NamedTuple):
     places: dict[str, int]
 
 
+class Mark(NamedTuple):
+    """A shape that is seen, and isn't in the diagram."""
+
+    shape: Shape
+
+    # In the world.
+    pose: RigidTransform
+    color: Rgba
+
+
 class Scenery:
     """The shapes of a diagram, as cameras see them."""
 
@@ -78,6 +91,7 @@ class Scenery:
         self._lights = DAYLIGHT if lights is None else lights
         self._background = background
         self._loaded: _Loaded | None = None
+        self._marks: list[GeometryId] = []
 
         # What lidars cast their rays at, by the role of the shapes.
         self.ray_scenes: dict[Role, Any] = {}
@@ -106,6 +120,29 @@ class Scenery:
         output = loaded.scene_graph.get_query_output_port()
         found: QueryObject = output.Eval(loaded.context)
         return found
+
+    def mark(self, query: QueryObject, marks: Sequence[Mark]) -> None:
+        """Have marks seen, in place of those of before.
+
+        Raises:
+            ArmDrakeError: If the renderer's libraries are missing.
+        """
+        loaded = self._load(query)
+        scene_graph, context = loaded.scene_graph, loaded.context
+        for old in self._marks:
+            scene_graph.RemoveGeometry(context, loaded.source, old)
+        self._marks.clear()
+        for index, (shape, pose, color) in enumerate(marks):
+            instance = GeometryInstance(pose, shape, f"mark_{index}")
+            properties = PerceptionProperties()
+            properties.AddProperty("phong", "diffuse", color)
+            properties.AddProperty("label", "id", RenderLabel(self._label("mark")))
+            instance.set_perception_properties(properties)
+            world = scene_graph.world_frame_id()
+            added = scene_graph.RegisterGeometry(
+                context, loaded.source, world, instance
+            )
+            self._marks.append(added)
 
     def pose_of(self, query: QueryObject, frame: str) -> RigidTransform:
         """Return the pose in the world of a frame, "<robot>::<link>" or "world"."""

@@ -89,8 +89,21 @@ class PlaceThing(Message):
     options: Mapping[str, Any] = dc.field(default_factory=dict)
 
 
+@dc.dataclass(frozen=True, eq=False)
+class FollowThing(Message):
+    """A thing that an arm keeps in its camera's picture, once the robot rests."""
+
+    thing: str
+
+    # Which robot; None is the first one.
+    robot: str | None = None
+
+    # Further arguments of `follow`.
+    options: Mapping[str, Any] = dc.field(default_factory=dict)
+
+
 # What a robot does when it rests, however long it takes.
-Task: TypeAlias = PlanTo | PickThing | PlaceThing
+Task: TypeAlias = PlanTo | PickThing | PlaceThing | FollowThing
 
 # What a step stands for.
 Sent: TypeAlias = StepMessage | TopicMessage | SetPayloads | Task
@@ -148,7 +161,10 @@ class Motion:
         planned = 0.0
         for step in self.steps:
             if isinstance(step.message, Task):  # It waits for those before.
-                planned = max(planned, step.at) + _PLANNED
+                takes = _PLANNED
+                if isinstance(step.message, FollowThing):
+                    takes = step.message.options.get("duration", _PLANNED)
+                planned = max(planned, step.at) + takes
         ends.append(planned)
         if self.repeats:
             ends += [step.at + step.every for step in self.steps]
@@ -339,6 +355,18 @@ PICK_OPTIONS: Mapping[str, type | None] = {
 }
 
 
+# How to follow, with the type of each.
+FOLLOW_OPTIONS: Mapping[str, type | None] = {
+    "robot": str,
+    "group": str,
+    "camera": str,
+    "duration": float,
+    "gain": float,
+    "distance": float,
+    "velocity_scaling": float,
+}
+
+
 def read_plan_to(fields: Fields, value: Any, where: str) -> PlanTo:
     """Return where to plan to: a state, positions or a pose, and how."""
     data = dict(fields.mapping(value, where, (*PLAN_GOALS, *PLAN_OPTIONS)))
@@ -374,6 +402,15 @@ def read_pick(fields: Fields, value: Any, where: str) -> PickThing:
     if "goal" in data:
         data["goal"] = _read_place_pose(fields, data["goal"], f"{where}.goal")
     return PickThing(thing, data.pop("robot", None), data)
+
+
+def read_follow(fields: Fields, value: Any, where: str) -> FollowThing:
+    """Return what to follow, and how: a name, or a mapping with `thing`."""
+    data = dict(_task_options(fields, value, where, "thing", FOLLOW_OPTIONS))
+    thing = data.pop("thing")
+    if not isinstance(thing, str):
+        raise fields.error(where, f"expected the name of a thing, got {thing!r}")
+    return FollowThing(thing, data.pop("robot", None), data)
 
 
 def read_place(fields: Fields, value: Any, where: str) -> PlaceThing:

@@ -10,6 +10,7 @@ from arm_drake.simulation import clients
 from arm_drake.simulation.clients import ControllerHandle, TopicHandle
 from arm_drake.simulation.directory import ControllerList, Directory
 from arm_drake.simulation.motion import (
+    FollowThing,
     Motion,
     MotionStep,
     PickThing,
@@ -194,15 +195,18 @@ class _Running(NamedTuple):
 
 
 def _perform(
-    simulation: Any, message: PickThing | PlaceThing, where: str
+    simulation: Any, message: PickThing | PlaceThing | FollowThing, where: str
 ) -> Iterator[float]:
-    """Yield times until which to simulate [s], while a robot picks or places."""
+    """Yield times until which to simulate [s], while a robot does something."""
     from arm_drake.manipulation.pick_and_place import picking, placing
+    from arm_drake.manipulation.visual_servoing import following
 
     options = {**message.options, "robot": message.robot}
     try:
         if isinstance(message, PickThing):
             result: Any = yield from picking(simulation, message.thing, **options)
+        elif isinstance(message, FollowThing):
+            result = yield from following(simulation, message.thing, **options)
         else:
             result = yield from placing(simulation, message.pose, **options)
     except ArmDrakeError as error:
@@ -212,10 +216,15 @@ def _perform(
             simulation.reject_task(message, result.reason, where=where)
 
 
-def _check_hand(simulation: Any, message: PickThing | PlaceThing) -> None:
-    """Raise InputError if a robot has no gripper, or there is no such thing."""
+def _check_task(simulation: Any, message: PickThing | PlaceThing | FollowThing) -> None:
+    """Raise InputError if a robot lacks what it takes, or there is no such thing."""
     from arm_drake.manipulation.hand import Hand, read_options
+    from arm_drake.manipulation.visual_servoing import Servo, read_follow_options
 
+    if isinstance(message, FollowThing):
+        given = {**message.options, "robot": message.robot}
+        Servo(simulation, message.thing, read_follow_options(given))
+        return
     options = read_options({**message.options, "robot": message.robot})
     hand = Hand(simulation, options)
     if isinstance(message, PickThing):
@@ -246,7 +255,7 @@ def check_motion(simulation: Runner, motion: Motion) -> None:
                 if isinstance(step.message, PlanTo):
                     simulation.check_plan(step.message)
                 else:
-                    _check_hand(simulation, step.message)
+                    _check_task(simulation, step.message)
             elif isinstance(step.message, SwitchController):
                 activated |= _check_switch(simulation, step.message)
             else:

@@ -1,5 +1,6 @@
 """Environments: what Gymnasium asks of one, and what can be learnt in it."""
 
+import concurrent.futures
 import subprocess
 import sys
 from collections.abc import Callable
@@ -104,6 +105,27 @@ def test_the_sphere_is_where_the_picture_shows_it() -> None:
     assert np.isfinite(colors).all()
     # It went somewhere else, and is one.
     assert np.linalg.norm(colors[0] - colors[1]) > 10
+
+
+@pytest.mark.slow
+def test_pictures_of_another_thread_are_the_same(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    def shoot(environment: ad.Environment) -> Any:
+        environment.reset(seed=3)
+        return environment.render()
+
+    robot = ad.load_robot("doosan_a0912")
+    environments = [ad.make_env(robot, render_mode="rgb_array") for _ in range(2)]
+    expected = shoot(environments[0])
+    with concurrent.futures.ThreadPoolExecutor(1) as other:
+        found = other.submit(shoot, environments[1]).result()
+        # The thread stays while the main one draws.
+        again = [shoot(each) for each in environments]
+
+    for picture in (found, *again):
+        np.testing.assert_array_equal(picture, expected)
+    assert "eglMakeCurrent" not in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -28,8 +28,14 @@ DURATION = 3.0
 # What `control` has to be for a motion of the MyCobot.
 CONTROL = {"classic": "classic", "trajectories": "ros2_control"}
 
+# Motions that need a scene of their own.
+SCENES = ("follow",)
+
 MOTIONS = [
-    (robot, motion) for robot in bundled_robots() for motion in bundled_motions(robot)
+    (robot, motion)
+    for robot in bundled_robots()
+    for motion in bundled_motions(robot)
+    if motion not in SCENES
 ]
 
 

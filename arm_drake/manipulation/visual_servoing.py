@@ -1,0 +1,404 @@
+"""Visual servoing: an arm keeps a thing in the middle of the picture of its camera.
+
+The law is the classic image-based one (Chaumette and Hutchinson, Visual servo control,
+part I, 2006): the error e of the middle of what is seen has the derivative
+L J dq/dt, with the interaction matrix L of a point and the Jacobian J of the camera.
+The joints are moved by dq/dt = -gain (L J)^+ e, so that e decays as exp(-gain t). For a
+thing that moves at a speed v in the picture, e ends at v / gain.
+"""
+
+import dataclasses as dc
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.math import RigidTransform
+
+from arm_drake.arrays import Array
+from arm_drake.description.joints import WORLD, joints_above
+from arm_drake.description.perception_sensors import CameraSensor
+from arm_drake.description.robot import Robot
+from arm_drake.errors import InputError, quoted, suggest
+from arm_drake.manipulation.hand import Activity, Runner
+from arm_drake.messages import Duration, JointTrajectory, JointTrajectoryPoint
+from arm_drake.perception.cameras import CameraHandle
+from arm_drake.planning.groups import find_group, motion_limits
+from arm_drake.plant.joint_ranges import joint_ranges
+from arm_drake.plant.kinematics import PlantKinematics
+
+# With a delay d no error overshoots below a gain of 1 / (e d), and the gain that is
+# taken where none is asked for [1/s].
+_STEADY, _GAIN = 1.0 / math.e, 1.5
+
+# Damping of the pseudo-inverse; singular values are near 1.
+_DAMPING = 0.01
+
+# Least number of pixels of a thing that is seen.
+_PIXELS = 12
+
+# A joint without a limit of velocity moves so fast [rad/s] or [m/s].
+_SPEED = 1.0
+
+
+class Observer(Runner, Protocol):
+    """A simulation with cameras."""
+
+    def camera(self, name: str) -> CameraHandle:
+        """Return what a camera sees."""
+
+    def link_poses(self, robot: str | None = None) -> dict[str, RigidTransform]:
+        """Return the poses of links in the world."""
+
+
+@dc.dataclass(frozen=True, kw_only=True)
+class FollowOptions:
+    """How to follow: what may be given to `follow` by name."""
+
+    # Which robot of the simulation, and which of its arms; None is the first.
+    robot: str | None = None
+    group: str | None = None
+
+    # A camera of the robot that the arm moves; None is the first one.
+    camera: str | None = None
+
+    # For how long [s].
+    duration: float = 10.0
+
+    # How fast the error decays [1/s]; None is 1.5, or what the delay of camera and
+    # controller allows.
+    gain: float | None = None
+
+    # How far the thing is kept from the camera [m]; None is any distance.
+    distance: float | None = None
+
+    # Largest joint velocities, as a part of the joints' limits.
+    velocity_scaling: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Raise InputError if a number is none."""
+        for name in ("duration", "gain", "distance", "velocity_scaling"):
+            value = getattr(self, name)
+            if value is None and name in ("gain", "distance"):
+                continue
+            is_number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not is_number or not 0.0 < value < math.inf:
+                text = f"expected a number above 0, got {value!r}"
+                raise InputError(f"{name}: {text}")
+
+
+@dc.dataclass(frozen=True)
+class FollowResult:
+    """What became of following a thing."""
+
+    # The name of the thing.
+    thing: str
+
+    # Whether it is seen in the end.
+    success: bool
+
+    # Why it isn't, in words.
+    reason: str = ""
+
+    # When it was seen [s], shape (n,), and how far it was from the picture's middle, to
+    # the right and down, as tangents of angles, shape (n, 2).
+    times: NDArray[np.float64] = dc.field(default_factory=lambda: np.zeros(0))
+    errors: NDArray[np.float64] = dc.field(default_factory=lambda: np.zeros((0, 2)))
+
+    # From when until when it wasn't seen [s]; the arm held still.
+    lost: tuple[tuple[float, float], ...] = ()
+
+    def __bool__(self) -> bool:
+        """Whether it is seen in the end."""
+        return self.success
+
+
+class Feature(NamedTuple):
+    """What is seen of a thing."""
+
+    # Its middle in the picture, to the right and down, as tangents of angles.
+    x: float
+    y: float
+
+    # How far it is along the axis [m].
+    depth: float
+
+
+def follow(simulation: Observer, thing: str, **options: Any) -> FollowResult:
+    """Have an arm keep a thing in the middle of its camera's picture, for a while.
+
+    The thing is told from the rest by the labels of the picture. While it isn't seen
+    the arm holds still; it goes on when it is seen again.
+
+    Args:
+        simulation: The simulation; its robot rests.
+        thing: The name of a thing, or "<robot>::<link>", as in the camera's labels.
+        options: The fields of `FollowOptions`.
+
+    Returns:
+        Whether it is seen in the end, the errors, and when it was lost.
+
+    Raises:
+        InputError: If there is no camera on the arm, no such thing, no controller, or
+            an argument can't be used.
+        ArmDrakeError: If the renderer's libraries are missing.
+    """
+    activity = following(simulation, thing, **options)
+    while True:
+        try:
+            simulation.advance_to(max(next(activity), simulation.time))
+        except StopIteration as stop:
+            result: FollowResult = stop.value
+            return result
+
+
+def following(
+    simulation: Observer, thing: str, **options: Any
+) -> Activity[FollowResult]:
+    """Return what `follow` does, for those who simulate by themselves."""
+    return _follow(Servo(simulation, thing, read_follow_options(options)))
+
+
+def read_follow_options(options: Mapping[str, Any]) -> FollowOptions:
+    """Return options given by name, or raise InputError."""
+    names = [field.name for field in dc.fields(FollowOptions)]
+    for name in options:
+        if name not in names:
+            raise InputError(f"follow: no option {name!r}; {suggest(name, names)}")
+    return FollowOptions(**options)
+
+
+def _follow(servo: "Servo") -> Activity[FollowResult]:
+    simulation = servo.simulation
+    end = simulation.time + servo.options.duration
+    times: list[float] = []
+    errors: list[tuple[float, float]] = []
+    lost: list[tuple[float, float]] = []
+    lost_at: float | None = None
+    while simulation.time < end - 1e-9:
+        seen, now = servo.look(), simulation.time
+        if seen is None:
+            lost_at = now if lost_at is None else lost_at
+        else:
+            if lost_at is not None:
+                lost.append((lost_at, now))
+                lost_at = None
+            times.append(now)
+            errors.append((seen.x, seen.y))
+            servo.move(seen)
+        yield min(now + servo.period, end)
+    reason = ""
+    if lost_at is not None:
+        lost.append((lost_at, simulation.time))
+        since = f"since {lost_at:.2f} s" if times else "at all"
+        reason = f"{servo.thing!r} isn't seen {since}; the arm holds still"
+    seen_errors = np.array(errors).reshape(-1, 2)
+    return FollowResult(
+        servo.thing, not reason, reason, np.array(times), seen_errors, tuple(lost)
+    )
+
+
+def interaction_matrix(seen: Feature) -> Array:
+    """Return the derivative of x, y and the logarithm of depth, shape (3, 6).
+
+    It is by the velocity of the camera along its x, y and z [m/s], then about them
+    [rad/s], of a point that stands still.
+    """
+    x, y, z = seen
+    return np.array(
+        [
+            [-1.0 / z, 0.0, x / z, x * y, -(1.0 + x * x), y],
+            [0.0, -1.0 / z, y / z, 1.0 + y * y, -x * y, -x],
+            [0.0, 0.0, -1.0 / z, -y, x, 0.0],
+        ]
+    )
+
+
+class Servo:
+    """A camera on an arm, and the law that moves it."""
+
+    def __init__(
+        self, simulation: Observer, thing: str, options: FollowOptions
+    ) -> None:
+        """Take an arm with a camera, or raise InputError."""
+        self.simulation, self.options = simulation, options
+        robots = simulation.robots
+        name = next(iter(robots)) if options.robot is None else options.robot
+        if name not in robots:
+            raise InputError(f"robot: no robot {name!r}; {suggest(name, robots)}")
+        self.robot: Robot = robots[name]
+        prefix = f"{name}/" if len(robots) > 1 else ""
+        group = find_group(self.robot, options.group)
+        camera, link = _find_camera(self.robot, group.joints, options.camera)
+        self.camera = simulation.camera(f"{prefix}{camera}")
+        self._link = link
+        controller, self.joints, self._kind = _find_controller(self.robot, group.joints)
+        self._controller = f"{prefix}{controller}"
+        self.thing, self._label = _find_label(self.camera, thing)
+        if options.distance is not None and not self.camera.has("depth"):
+            text = f"camera {camera!r} measures none"
+            raise InputError(f"distance: it is kept by depths, and {text}")
+        self._set_gain()
+        self._set_limits()
+        base = next(iter(self.robot.description.links))
+        self._base = base
+        self._kinematics = PlantKinematics(
+            self.robot.description, self.robot.initial_positions, self.joints, base
+        )
+        poses = simulation.link_poses(name)
+        self._X_LC = poses[link].inverse() @ self.camera.pose
+        self._command = self._measured()
+
+    def _set_gain(self) -> None:
+        """Choose period and gain, or raise InputError if that can't be stable."""
+        tick = 1.0 / self.robot.controllers.update_rate
+        self.period = max(1.0 / self.camera.sensor.update_rate, tick)
+        most = _STEADY / (self.period + tick)
+        gain = self.options.gain
+        self.gain = min(_GAIN, most) if gain is None else gain
+        if self.gain > most * (1.0 + 1e-9):
+            raise InputError(
+                f"gain: expected at most {most:.3g} 1/s, where camera and controller "
+                f"are {1e3 * (self.period + tick):.0f} ms late; got {gain!r}"
+            )
+
+    def _set_limits(self) -> None:
+        limits = motion_limits(self.robot)
+        speeds = [limits[n].velocity or _SPEED for n in self.joints]
+        self._speeds = self.options.velocity_scaling * np.array(speeds, float)
+        ranges = {each.name: each for each in joint_ranges(self.robot.description)}
+        self._lower = np.array([ranges[name].lower for name in self.joints])
+        self._upper = np.array([ranges[name].upper for name in self.joints])
+
+    def _measured(self) -> Array:
+        states = self.simulation.joint_states(self.robot.name)
+        at = [states.name.index(name) for name in self.joints]
+        return np.take(np.asarray(states.position, float), at)
+
+    def look(self) -> Feature | None:
+        """Return where the thing is in the picture, by image moments, if it is seen."""
+        rows, columns = np.nonzero(self.camera.labels() == self._label)
+        if len(rows) < _PIXELS:
+            return None
+        k = self.camera.info.k
+        x, y = (columns.mean() - k[2]) / k[0], (rows.mean() - k[5]) / k[4]
+        depth = self.options.distance or 1.0
+        if self.camera.has("depth"):
+            depths = self.camera.depth()[rows, columns]
+            depths = depths[np.isfinite(depths)]
+            depth = float(np.median(depths)) if depths.size else depth
+        return Feature(float(x), float(y), depth)
+
+    def move(self, seen: Feature) -> None:
+        """Send the joints to where the law has them in a period."""
+        step = self._step(seen)
+        self._command = np.clip(self._command + step, self._lower, self._upper)
+        handle = self.simulation.controller(self._controller)
+        if self._kind == "commands":
+            handle.command(self._command.tolist())
+            return
+        point = JointTrajectoryPoint(
+            tuple(self._command.tolist()), time_from_start=Duration.of(self.period)
+        )
+        trajectory = JointTrajectory(joint_names=self.joints, points=(point,))
+        handle.send_trajectory(trajectory)
+
+    def _step(self, seen: Feature) -> Array:
+        """Return by how much joints move in a period [rad] or [m], shape (n,)."""
+        errors, count = np.array([seen.x, seen.y, 0.0]), 2
+        if self.options.distance is not None:
+            errors[2], count = math.log(seen.depth / self.options.distance), 3
+        rows = (interaction_matrix(seen) @ self._camera_jacobian())[:count]
+        part = 1.0 - math.exp(-self.gain * self.period)
+        free = np.ones(len(self.joints), bool)
+        for _ in self.joints:
+            J = rows * free
+            damped = J @ J.T + _DAMPING**2 * np.eye(count)
+            step = -part * (J.T @ np.linalg.solve(damped, errors[:count]))
+            target = self._command + step
+            # What is at a limit leaves the rest to others.
+            stuck = free & ((target < self._lower) | (target > self._upper))
+            if not stuck.any():
+                break
+            free &= ~stuck
+        excess = float((np.abs(step) / (self._speeds * self.period)).max())
+        return np.asarray(step / max(1.0, excess))
+
+    def _camera_jacobian(self) -> Array:
+        """Return the Jacobian of the camera's frame, in that, shape (6, n)."""
+        q = self._measured()
+        J = self._kinematics.jacobian(q, self._link)
+        R_BL = self._kinematics.pose(q, self._link)[:3, :3]
+        lever = R_BL @ self._X_LC.translation()
+        R_CB = (R_BL @ self._X_LC.rotation().matrix()).T
+        moved = J[:3] + np.cross(J[3:], lever, axisa=0, axisb=0, axisc=0)
+        return np.vstack([R_CB @ moved, R_CB @ J[3:]])
+
+
+def _find_camera(
+    robot: Robot, joints: tuple[str, ...], name: str | None
+) -> tuple[str, str]:
+    """Return a camera that an arm moves, and its link, or raise InputError."""
+    description = robot.description
+    cameras = {
+        sensor.name: sensor.link
+        for sensor in description.perception_sensors
+        if isinstance(sensor, CameraSensor)
+    }
+    carried = {
+        camera: link
+        for camera, link in cameras.items()
+        if link != WORLD
+        and {each.name for each in joints_above(description.joints, link)} & set(joints)
+    }
+    if name is not None and name not in carried:
+        if name in cameras:
+            raise InputError(f"camera {name!r} isn't moved by the arm")
+        raise InputError(f"no camera {name!r}; {suggest(name, carried)}")
+    if not carried:
+        raise InputError(
+            f"robot {robot.name!r} has no camera that its arm moves; "
+            "arm_drake.add_camera adds one"
+        )
+    chosen = next(iter(carried)) if name is None else name
+    return chosen, carried[chosen]
+
+
+def _find_label(camera: CameraHandle, thing: str) -> tuple[str, int]:
+    """Return the name and the label of a thing, or raise InputError."""
+    names = camera.label_names
+    ends = [n for n in names if n.rpartition("::")[2] == thing or n == thing]
+    if len(ends) != 1:
+        if ends:
+            raise InputError(f"{thing!r} is one of several: {quoted(ends)}")
+        known = [n.rpartition("::")[2] for n in names[1:]]
+        raise InputError(f"no thing {thing!r}; {suggest(str(thing), known)}")
+    return thing, names.index(ends[0])
+
+
+def _find_controller(
+    robot: Robot, joints: tuple[str, ...]
+) -> tuple[str, tuple[str, ...], str]:
+    """Return the controller of an arm, its joints, and how it is sent to."""
+    found = []
+    for controller in robot.controllers.controllers:
+        named = controller.parameters.get("joints")
+        names = tuple(map(str, named.value)) if named is not None else ()
+        interface = controller.parameters.get("interface_name")
+        is_forward = controller.type.endswith("JointGroupPositionController") or (
+            controller.type.endswith("ForwardCommandController")
+            and interface is not None
+            and interface.value == "position"
+        )
+        is_trajectory = controller.type.endswith("JointTrajectoryController")
+        if set(names) == set(joints) and (is_forward or is_trajectory):
+            kind = "trajectory" if is_trajectory else "commands"
+            found.append((controller.name, names, kind))
+    if not found:
+        known = [each.name for each in robot.controllers.controllers]
+        raise InputError(
+            f"no controller takes positions of exactly {quoted(joints)}; there are "
+            f"{quoted(known) or 'none'}"
+        )
+    return max(found, key=lambda each: each[2] == "trajectory")
