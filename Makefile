@@ -74,6 +74,7 @@ bench: setup
 	$(BIN)/python -m tests.benchmarks.servo
 	$(BIN)/python -m tests.benchmarks.inverse_kinematics
 	$(BIN)/python -m tests.benchmarks.planning
+	$(BIN)/python -m tests.benchmarks.environments
 	$(BIN)/python -m tests.benchmarks.wire
 
 # For those who change the dependencies; needs uv.

@@ -19,6 +19,7 @@ def test_there_are_notebooks():
         "06_gripper_and_contact",
         "07_many_rollouts",
         "10_pick_and_place",
+        "11_an_environment",
         "12_roslibpy",
         "13_study",
         "14_tune_and_analyze",

@@ -56,11 +56,14 @@ class Observer(Runner, Protocol):
 class FollowOptions:
     """How to follow: what may be given to `follow` by name."""
 
-    # Which robot of the simulation, and which of its arms; None is the first.
+    # Which robot of the simulation; None is the first.
     robot: str | None = None
+
+    # Planning group whose controller moves the camera; None is the controller of most
+    # joints that carry it.
     group: str | None = None
 
-    # A camera of the robot that the arm moves; None is the first one.
+    # A camera of the robot that joints move; None is the first one.
     camera: str | None = None
 
     # For how long [s].
@@ -229,11 +232,12 @@ class Servo:
             raise InputError(f"robot: no robot {name!r}; {suggest(name, robots)}")
         self.robot: Robot = robots[name]
         prefix = f"{name}/" if len(robots) > 1 else ""
-        group = find_group(self.robot, options.group)
-        camera, link = _find_camera(self.robot, group.joints, options.camera)
+        camera, link = _find_camera(self.robot, options.camera)
         self.camera = simulation.camera(f"{prefix}{camera}")
         self._link = link
-        controller, self.joints, self._kind = _find_controller(self.robot, group.joints)
+        group = options.group
+        asked = None if group is None else find_group(self.robot, group).joints
+        controller, self.joints, self._kind = _find_controller(self.robot, link, asked)
         self._controller = f"{prefix}{controller}"
         self.thing, self._label = _find_label(self.camera, thing)
         if options.distance is not None and not self.camera.has("depth"):
@@ -336,22 +340,23 @@ class Servo:
         return np.vstack([R_CB @ moved, R_CB @ J[3:]])
 
 
-def _find_camera(
-    robot: Robot, joints: tuple[str, ...], name: str | None
-) -> tuple[str, str]:
-    """Return a camera that an arm moves, and its link, or raise InputError."""
+def _joints_of(robot: Robot, link: str) -> set[str]:
+    """Return the movable joints that carry a link; of the world there are none."""
     description = robot.description
+    movable = {joint.name for joint in description.movable_joints}
+    if link == WORLD:
+        return set()
+    return movable & {each.name for each in joints_above(description.joints, link)}
+
+
+def _find_camera(robot: Robot, name: str | None) -> tuple[str, str]:
+    """Return a camera that joints move, and its link, or raise InputError."""
     cameras = {
         sensor.name: sensor.link
-        for sensor in description.perception_sensors
+        for sensor in robot.description.perception_sensors
         if isinstance(sensor, CameraSensor)
     }
-    carried = {
-        camera: link
-        for camera, link in cameras.items()
-        if link != WORLD
-        and {each.name for each in joints_above(description.joints, link)} & set(joints)
-    }
+    carried = {n: link for n, link in cameras.items() if _joints_of(robot, link)}
     if name is not None and name not in carried:
         if name in cameras:
             raise InputError(f"camera {name!r} isn't moved by the arm")
@@ -378,10 +383,14 @@ def _find_label(camera: CameraHandle, thing: str) -> tuple[str, int]:
 
 
 def _find_controller(
-    robot: Robot, joints: tuple[str, ...]
+    robot: Robot, link: str, asked: tuple[str, ...] | None
 ) -> tuple[str, tuple[str, ...], str]:
-    """Return the controller of an arm, its joints, and how it is sent to."""
-    found = []
+    """Return the controller that moves a camera, its joints, and how it is sent to.
+
+    It is that of exactly the joints that are asked for, else the one of most joints
+    that carry the camera's link.
+    """
+    carriers, found = _joints_of(robot, link), []
     for controller in robot.controllers.controllers:
         named = controller.parameters.get("joints")
         names = tuple(map(str, named.value)) if named is not None else ()
@@ -392,13 +401,17 @@ def _find_controller(
             and interface.value == "position"
         )
         is_trajectory = controller.type.endswith("JointTrajectoryController")
-        if set(names) == set(joints) and (is_forward or is_trajectory):
+        moved = len(carriers & set(names))
+        is_meant = bool(moved) if asked is None else set(names) == set(asked)
+        if is_meant and (is_forward or is_trajectory):
             kind = "trajectory" if is_trajectory else "commands"
-            found.append((controller.name, names, kind))
+            found.append((moved, is_trajectory, (controller.name, names, kind)))
     if not found:
         known = [each.name for each in robot.controllers.controllers]
+        order = [j.name for j in robot.description.joints if j.name in carriers]
+        which = "joints that move the camera: " if asked is None else "exactly "
         raise InputError(
-            f"no controller takes positions of exactly {quoted(joints)}; there are "
-            f"{quoted(known) or 'none'}"
+            f"no controller takes positions of {which}{quoted(asked or order)}; "
+            f"there are {quoted(known) or 'none'}"
         )
-    return max(found, key=lambda each: each[2] == "trajectory")
+    return max(found, key=lambda each: each[:2])[2]

@@ -130,7 +130,9 @@ class Player:
         """Say what wasn't begun as robots didn't come to rest, or wasn't ended."""
         ended = "not done: the simulation ended before"
         for task in self._running.values():
-            self._reject(task.step, ended)
+            # Who follows has nowhere to get to.
+            if not isinstance(task.step.message, FollowThing):
+                self._reject(task.step, ended)
         for step in self._waiting:
             self._reject(step, "not planned: the robot didn't come to rest in time")
         self._waiting.clear()

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from arm_drake.simulation.motion_files import parse_motion
 from arm_drake.worlds.things import with_things
 from arm_drake.worlds.world import load_world
 from tests.models import bob, joint, load, ros2_control, trajectory_controllers
+from tests.snippets import ROOT, read_blocks
 
 GAIN = 2.0
 
@@ -147,6 +149,19 @@ def test_the_interaction_matrix_is_the_derivative_of_what_is_seen() -> None:
         np.testing.assert_allclose(L[:, 3 + column], turned, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.slow
+def test_the_program_of_the_page_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    page = ROOT / "docs/visual_servoing.md"
+    (program,) = (b.text for b in read_blocks(page) if b.language == "python")
+    names: dict[str, Any] = {}
+    monkeypatch.chdir(ROOT)
+
+    exec(program, names)  # noqa: S102
+
+    assert np.abs(names["found"].errors[-1]).max() < 3e-3
+
+
+@pytest.mark.slow
 def test_an_arm_keeps_the_distance_too() -> None:
     scene = ad.load_scene(configs_folder() / "mycobot_280/follow_scene.yaml")
     simulation = ad.Simulation(ad.build_diagram(scene))
@@ -205,3 +220,15 @@ def test_without_a_camera_there_is_a_hint(head: ad.Robot, tmp_path: Path) -> Non
             "robot 'head' has no camera that its arm moves; "
             "arm_drake.add_camera adds one"
         )
+
+
+def test_the_controller_is_the_one_that_moves_the_camera(tmp_path: Path) -> None:
+    controllers = trajectory_controllers({"lower": ["one"], "upper": ["two"]})
+    robot = load(tmp_path, URDF, controllers)
+    robot = ad.add_camera(robot, "pan", name="eye", width=120, height=90)
+
+    found = ad.follow(simulate(robot, 0.1, 0.0), "ball", duration=2.0)
+
+    # The joint "two" is after the camera.
+    assert found
+    assert abs(found.errors[-1, 0]) < 0.02

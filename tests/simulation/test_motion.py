@@ -28,6 +28,7 @@ from arm_drake.messages import (
     Vector3,
 )
 from arm_drake.simulation.motion import (
+    FollowThing,
     Motion,
     MotionStep,
     PickThing,
@@ -42,14 +43,14 @@ POINT = "{positions: [1, 2.5], time_from_start: 2}"
 TIME = "expected seconds or {sec: int, nanosec: int}"
 KINDS = (
     "['cancel', 'cmd_vel', 'commands', 'commands_from_to', 'data', 'data_from_to', "
-    "'goal', 'gripper_command', 'payload', 'pick', 'place', 'plan_to', "
+    "'follow', 'goal', 'gripper_command', 'payload', 'pick', 'place', 'plan_to', "
     "'speed_scaling', 'switch_controllers', "
     "'trajectory', 'trajectory_table']"
 )
 KEYS = (
     "at, cancel, cmd_vel, commands, commands_from_to, controller, count, data, "
-    "data_from_to, every, goal, gripper_command, payload, pick, ping_pong, place, "
-    "plan_to, repeat, "
+    "data_from_to, every, follow, goal, gripper_command, payload, pick, "
+    "ping_pong, place, plan_to, repeat, "
     "speed_scaling, switch_controllers, topic, topics, trajectory, trajectory_table"
 )
 RAMP = "every: 1, count: 3, controller: a, commands_from_to"
@@ -332,6 +333,7 @@ def test_the_motions_of_the_docs_can_be_read():
         Float64MultiArray,
         SpeedScalingFactor,
         SwitchController,
+        FollowThing,
         PickThing,
         PlaceThing,
         PlanTo,
