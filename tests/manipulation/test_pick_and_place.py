@@ -130,7 +130,7 @@ def add_nut(plant: MultibodyPlant, folder: Path) -> None:
     shape, X = Convex(str(file)), RigidTransform()
     plant.RegisterCollisionGeometry(body, X, shape, "thing", friction)
     pose = RigidTransform([0.2, 0.05, 0.015])
-    plant.SetDefaultFreeBodyPose(body, pose)
+    plant.SetDefaultFloatingBaseBodyPose(body, pose)
 
 
 @pytest.mark.slow
