@@ -58,14 +58,14 @@ def test_list_names_robots_motions_and_worlds(run):
     code, out, _ = run("list")
     assert code == 0
     assert "doosan_a0912\n  motions: topic, tutorial, waypoints" in out
-    assert "worlds: empty, house, void" in out
+    assert "worlds: empty, house, house_table, void" in out
 
 
 def test_list_as_json_is_one_object(run):
     _, out, _ = run("list", "--json")
     listed = json.loads(out)
     assert listed["robots"]["doosan_a0912"] == ["topic", "tutorial", "waypoints"]
-    assert listed["worlds"] == ["empty", "house", "void"]
+    assert listed["worlds"] == ["empty", "house", "house_table", "void"]
 
 
 def test_check_of_a_clean_robot_exits_with_0(run):
@@ -406,8 +406,8 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
         ),
         (
             ["doosan_a0912", "--world", "hous"],
-            "unknown world 'hous'; did you mean 'house'? known: empty, house, void, "
-            "or a .world or .sdf file",
+            "unknown world 'hous'; did you mean 'house'? known: empty, house, "
+            "house_table, void, or a .world or .sdf file",
         ),
         (
             ["doosan_a0912", "--inactive", "jtc"],

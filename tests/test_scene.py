@@ -290,7 +290,7 @@ UNKNOWN = [
     (
         f"{thing(BALL)}world: emty",
         "3: world: unknown world 'emty'; did you mean 'empty'? known: empty, house, "
-        "void, or a .world or .sdf file",
+        "house_table, void, or a .world or .sdf file",
     ),
 ]
 

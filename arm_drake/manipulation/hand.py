@@ -7,10 +7,10 @@ simulation does so. What is known of the scene is read from the simulation.
 import dataclasses as dc
 import math
 from collections.abc import Generator, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
 import numpy as np
-from pydrake.geometry import SceneGraph
+from pydrake.geometry import Box, SceneGraph
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
@@ -43,6 +43,9 @@ from arm_drake.planning.motion_planning import Plan, plan
 from arm_drake.planning.orientation_constraint import OrientationConstraint
 from arm_drake.planning.setting import PlanningError, Running, find_moving
 
+if TYPE_CHECKING:
+    from arm_drake.perception.boxes import FoundBox
+
 T = TypeVar("T")
 
 # What yields times until which to simulate [s], and returns something in the end.
@@ -55,6 +58,10 @@ _LOOK = 0.02
 # while [s]; it has so long at most [s].
 _STALLED, _STALL_TIME, _GRIPPER_PATIENCE = 0.02, 0.2, 6.0
 
+# How long fingers may press on before they move [s]: those that close, and those that
+# let go, with a target that comes back from behind a thing at its own speed.
+_BEGIN, _LET_GO = 0.3, 2.0
+
 # How long a gripper takes from open to closed [s].
 _GRIPPER_TIME = 1.0
 
@@ -62,12 +69,13 @@ _GRIPPER_TIME = 1.0
 # other ways [m].
 _CLOSE, _FAR = 1e-3, 5e-3
 
-# Joints that an arm needs to turn its gripper as it is asked to, and how nearly the
-# approach has to be an axis of the palm for the turn about it to be left out.
-_TURNING, _ALONG = 5, 0.999
+# Joints that an arm needs to turn its gripper as it is asked to, and how nearly an axis
+# of the gripper has to be one of the palm for the turn about it to be left out.
+_TURNING, _ALONG = 6, 0.998
 
-# How much fingers may be turned from the faces that they press on [rad].
-_SKEW = 0.12
+# How much fingers may be turned from the faces that they press on, and tilted along
+# them by arms of five joints [rad].
+_SKEW, _TILT = 0.12, 0.4
 
 # Grasps whose reach is looked at, the best ones.
 _LOOKED_AT = 40
@@ -146,6 +154,14 @@ class PickOptions:
     # are taken. A pose as that of `place`; None is anywhere.
     goal: RigidTransform | Sequence[float] | None = None
 
+    # To pick: the box as a camera saw it, in the world. Its pose and size are taken
+    # from there; None is as the simulation knows them.
+    seen: "FoundBox | None" = None
+
+    # To place: the pose of the thing in the palm, as the result of a pick with `seen`
+    # says; None is as the simulation knows it.
+    held: RigidTransform | None = None
+
     # How far from a grasp its approach begins, how high things are lifted, and how far
     # the gripper draws back [m].
     approach: float = 0.05
@@ -181,6 +197,8 @@ class PickOptions:
             raise InputError(f"upright: expected an angle [rad], got {upright!r}")
         if self.goal is not None:
             read_goal(self.goal)
+        if self.seen is not None and (self.seen.pose is None or self.seen.size is None):
+            raise InputError(f"seen: it is no box: {self.seen.reason}")
 
 
 class Place(NamedTuple):
@@ -189,15 +207,21 @@ class Place(NamedTuple):
     X_WG: RigidTransform
     turns: bool
 
-    def poses(self, X_WO: RigidTransform) -> Iterator[RigidTransform]:
-        """Yield poses of a thing: as it stands now, then turned about the vertical."""
+    def poses(self, X_WO: RigidTransform, base: np.ndarray) -> Iterator[RigidTransform]:
+        """Yield poses of a thing: as it stands now, then turned about the vertical.
+
+        Before others it is turned as an arm does that turns at its base, a point (3,).
+        """
         if not self.turns:
             yield self.X_WG
             return
-        for number in range(_GOAL_TURNS):
-            # 0, 45, -45, 90, ... degrees.
-            part = ((number + 1) // 2) * (-1) ** number / _GOAL_TURNS
-            R = RotationMatrix.MakeZRotation(2.0 * math.pi * part)
+        here, there = X_WO.translation() - base, self.X_WG.translation() - base
+        with_arm = math.atan2(there[1], there[0]) - math.atan2(here[1], here[0])
+        step = 2.0 * math.pi / _GOAL_TURNS
+        # 0, then 45, -45, 90, ... degrees.
+        others = [(n + 1) // 2 * (-1) ** n * step for n in range(1, _GOAL_TURNS)]
+        for angle in (0.0, with_arm, *others):
+            R = RotationMatrix.MakeZRotation(angle)
             yield RigidTransform(R @ X_WO.rotation(), self.X_WG.translation())
 
 
@@ -249,13 +273,17 @@ class Hand:
         self._fingers = self._find_drive(tuple(self.gripper.open))
 
     def _find_mask(self) -> tuple[bool, ...]:
-        """Return what of a pose the arm is asked for: with four joints no turn.
+        """Return what of a pose the arm is asked for: with few joints one turn less.
 
-        They hold the gripper in the plane of the arm, and so say how it is turned
-        about its approach.
+        Four hold the gripper in the plane of the arm, and so say how it is turned about
+        its approach. Five tilt it in that plane; faces stay on the fingers if that is
+        about the axis along which they close.
         """
-        axis = np.abs(self.gripper.approach_axis)
-        if len(self.gripper.group.joints) >= _TURNING or axis.max() < _ALONG:
+        joints = len(self.gripper.group.joints)
+        is_planar = joints < _TURNING - 1
+        gripper = self.gripper
+        axis = np.abs(gripper.approach_axis if is_planar else gripper.closing_axis)
+        if joints >= _TURNING or axis.max() < _ALONG:
             return WHOLE_POSE
         free = 3 + int(axis.argmax())
         return tuple(row != free for row in range(6))
@@ -309,11 +337,30 @@ class Hand:
         """Return the pose of a thing in the world."""
         return self._pose(next(b for b in self._things() if b.name() == thing))
 
+    def known_pose_of(self, thing: str) -> RigidTransform:
+        """Return the pose of a thing in the world, as it was seen if it was."""
+        seen = self.options.seen
+        return self.pose_of(thing) if seen is None or not seen.pose else seen.pose
+
+    def known_pose_in_palm(self, thing: str) -> RigidTransform:
+        """Return the pose of a held thing in the palm, as it is told if it is."""
+        held = self.options.held
+        return self.pose_in_palm(thing) if held is None else held
+
     def palm(self) -> RigidTransform:
         """Return the pose of the palm in the world."""
         plant = self.simulation.plant
         model = plant.GetModelInstanceByName(self.robot.name)
         return self._pose(plant.GetBodyByName(self.gripper.palm, model))
+
+    def base(self) -> np.ndarray:
+        """Return where the arm's first joint is in the world [m], shape (3,)."""
+        plant = self.simulation.plant
+        model = plant.GetModelInstanceByName(self.robot.name)
+        joint = plant.GetJointByName(self.gripper.group.joints[0], model)
+        context = plant.GetMyContextFromRoot(self.simulation.context)
+        X = joint.frame_on_parent().CalcPoseInWorld(context)
+        return np.array(X.translation())
 
     def pose_in_palm(self, thing: str) -> RigidTransform:
         """Return the pose of a thing in the palm."""
@@ -326,6 +373,8 @@ class Hand:
 
     def _shape_of(self, thing: str) -> tuple[GraspedShape, RigidTransform]:
         """Return the shape of a thing, and its pose on the body."""
+        if self.options.seen is not None and self.options.seen.size is not None:
+            return Box(self.options.seen.size), RigidTransform()
         plant = self.simulation.plant
         scene_graph = self.simulation.diagram.GetSubsystemByName("scene_graph")
         assert isinstance(scene_graph, SceneGraph)
@@ -348,7 +397,7 @@ class Hand:
         The arm gets there on a straight line, lifts the thing, and does so at its goal.
         """
         shape, X_OG = self._shape_of(thing)
-        X_WO = self.pose_of(thing)
+        X_WO = self.known_pose_of(thing)
         grasps = find_grasps(self.gripper, shape, X_WO, X_OG=X_OG)
         if not grasps:
             return f"{thing!r}: {explain_no_grasp(self.gripper, shape)}"
@@ -380,7 +429,7 @@ class Hand:
         if self.options.goal is None:
             return
         failures = []
-        for X_WG in read_goal(self.options.goal).poses(X_WO):
+        for X_WG in read_goal(self.options.goal).poses(X_WO, self.base()):
             X_WP = X_WG @ grasp.X_OP
             try:
                 self.find_way(X_WP, self.ways_out(X_WP), thing)
@@ -450,7 +499,7 @@ class Hand:
             raise Failure("reach", str(error)) from None
         X = forward_kinematics(self.robot, solution.positions, palm)
         miss = float((X.inverse() @ X_WP).rotation().ToAngleAxis().angle())
-        if miss > _SKEW:
+        if miss > (_TILT if len(joints) == _TURNING - 1 else _SKEW):
             text = f"the arm holds {palm!r} turned by {miss:.2f} rad there"
             raise Failure("reach", text)
         every = (solution.positions, *solution.others)
@@ -527,6 +576,7 @@ class Hand:
                 limit = self.options.upright
                 constraint = OrientationConstraint(self.gripper.palm, limit)
                 more["path_constraint"] = constraint
+        yield from self._settle()
         try:
             found = self._plan(to, straight=straight, ignore=ignore, **more)
         except (PlanningError, NoSolution) as error:
@@ -604,7 +654,9 @@ class Hand:
             if moved > _STALLED * span * _LOOK:
                 still = simulation.time
             before = now
-            if simulation.time - max(still, begun + 0.3) >= _STALL_TIME:
+            is_there = max(abs(goal[n] - now[n]) for n in goal) < _STALLED * span
+            patience = _BEGIN if needs_stall or is_there else _LET_GO
+            if simulation.time - max(still, begun + patience) >= _STALL_TIME:
                 return
         raise Failure(stage, "the fingers neither arrive nor stall")
 

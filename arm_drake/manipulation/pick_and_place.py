@@ -65,7 +65,8 @@ class PickResult:
     # What was tried, in order; the last one is the one that holds.
     attempts: tuple[Attempt, ...] = ()
 
-    # The pose of the thing in the gripper's palm, if it is held.
+    # The pose of the thing in the gripper's palm, if it is held; with `seen` as the
+    # grasp has it.
     X_PO: RigidTransform | None = None
 
     # How long it took [s].
@@ -185,6 +186,9 @@ def _pick(hand: "Hand", thing: str) -> Activity[PickResult]:
     def result(reason: str) -> PickResult:
         duration = hand.simulation.time - began
         held = None if reason else hand.pose_in_palm(thing)
+        if held is not None and hand.options.seen is not None:
+            assert attempts[-1].grasp is not None
+            held = attempts[-1].grasp.X_OP.inverse()
         return PickResult(thing, not reason, reason, tuple(attempts), held, duration)
 
     held = hand.find_held()
@@ -215,7 +219,7 @@ def _grasp(
     hand: "Hand", thing: str, grasp: Grasp, before: Mapping[str, float]
 ) -> Activity[None]:
     """Go to a thing, close, and lift it, or raise Failure."""
-    X_WP = hand.pose_of(thing) @ grasp.X_OP
+    X_WP = hand.known_pose_of(thing) @ grasp.X_OP
     yield from hand.move_gripper(grasp.pre_grasp, "approach")
     yield from hand.move(before, "reach")
     yield from hand.move(X_WP, "approach", straight=True, ignore=[thing])
@@ -269,10 +273,10 @@ def _place(hand: "Hand", asked: Place) -> Activity[PlaceResult]:
     goal = asked.X_WG
     if thing is None:
         return result("the gripper holds nothing")
-    X_PO = hand.pose_in_palm(thing)
+    X_PO = hand.known_pose_in_palm(thing)
     reasons: list[str] = []
     found = None
-    for goal in asked.poses(hand.pose_of(thing)):
+    for goal in asked.poses(hand.palm() @ X_PO, hand.base()):
         X_WP = shifted(goal, [0.0, 0.0, _DROP]) @ X_PO.inverse()
         try:
             above = hand.find_way(X_WP, hand.ways_out(X_WP), thing)

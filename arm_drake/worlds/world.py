@@ -39,6 +39,7 @@ World = str | Path | Callable[[MultibodyPlant], None] | LoadedWorld
 WORLDS: Mapping[str, LoadedWorld | Path] = {
     "empty": LoadedWorld("empty", add_ground),
     "house": models_folder() / "worlds/house/house.sdf",
+    "house_table": models_folder() / "worlds/house_table/house_table.sdf",
     "void": LoadedWorld("void"),
 }
 

@@ -20,7 +20,7 @@ from tests.robots import real_robot
 # Pieces of the tutorial's house: models of furniture, and of the house itself.
 NUM_PIECES, NUM_KINDS = 86, 63
 
-FILE = models_folder() / "worlds/house/house.sdf"
+FILE = models_folder() / "worlds/house/model.sdf"
 
 # What is too flat to collide with, or is the ground.
 FLAT = {"Carpet_01", "FloorB_01"}
@@ -96,8 +96,9 @@ def test_every_piece_is_seen_and_what_is_not_flat_collides(
     assert solid == {piece for piece in pieces if kind_of(piece) not in FLAT}
 
 
-def test_the_house_is_read_as_it_is_written() -> None:
-    assert len(load_world("house").report) == 0
+@pytest.mark.parametrize("name", ["house", "house_table"])
+def test_the_house_is_read_as_it_is_written(name: str) -> None:
+    assert len(load_world(name).report) == 0
 
 
 def test_cameras_see_the_house_as_the_world(

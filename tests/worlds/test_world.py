@@ -66,8 +66,8 @@ def test_an_unknown_world_is_refused(tmp_path: Path) -> None:
         falling_ball(tmp_path, "emty")
 
     assert str(caught.value) == (
-        "unknown world 'emty'; did you mean 'empty'? known: empty, house, void, "
-        "or a .world or .sdf file"
+        "unknown world 'emty'; did you mean 'empty'? known: empty, house, "
+        "house_table, void, or a .world or .sdf file"
     )
 
 
@@ -138,7 +138,7 @@ def test_what_is_neither_a_name_nor_a_function_is_refused(tmp_path: Path) -> Non
 
     assert str(caught.value) == (
         "world: expected a name, a file or a function of the plant, got 3; "
-        "known: empty, house, void"
+        "known: empty, house, house_table, void"
     )
 
 
