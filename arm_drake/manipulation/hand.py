@@ -641,7 +641,7 @@ class Hand:
         simulation, gripper = self.simulation, self.gripper
         goal = gripper.positions(closed)
         start = self._positions()
-        self._fingers.send(simulation, goal)
+        yield from self._fingers.lead(simulation, start, goal)
         span = max(abs(gripper.closed[n] - gripper.open[n]) for n in goal)
         largest = max(abs(goal[n] - start[n]) for n in goal)
         if largest < 0.01 * span and not needs_stall:
@@ -693,6 +693,17 @@ class Drive(NamedTuple):
             )
             trajectory = JointTrajectory(joint_names=self.joints, points=(point,))
             handle.send_trajectory(trajectory)
+
+    def lead(
+        self, simulation: Runner, start: Mapping[str, float], goal: Mapping[str, float]
+    ) -> Activity[None]:
+        """Send joints somewhere in the time of a gripper, whatever takes positions."""
+        count = round(_GRIPPER_TIME / _LOOK) if self.kind == "commands" else 1
+        for part in range(1, count):
+            way = {n: start[n] + part / count * (goal[n] - start[n]) for n in goal}
+            self.send(simulation, way)
+            yield simulation.time + _LOOK
+        self.send(simulation, goal)
 
     def follow(self, simulation: Runner, found: Plan, stage: str) -> Activity[None]:
         """Follow a plan to its end, or raise Failure."""

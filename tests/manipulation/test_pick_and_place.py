@@ -105,9 +105,7 @@ def test_other_arms_do_so_too(name: str) -> None:
     assert picked, picked.reason
     assert placed, placed.reason
     X = pose_of(simulation, "box")
-    # The Centauri lets go at full speed and knocks the box over: it is only near.
-    within = 3e-2 if name == "centauri" else 5e-3
-    assert X.translation() == pytest.approx([*goal, 0.02], abs=within)
+    assert X.translation() == pytest.approx([*goal, 0.02], abs=5e-3)
 
 
 def add_nut(plant: MultibodyPlant, folder: Path) -> None:

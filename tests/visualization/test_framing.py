@@ -124,6 +124,13 @@ class Recorder:
         self.properties: dict[str, float] = {}
         self.scales: dict[str, float] = {}
 
+    def Delete(self, path: str) -> None:
+        self.properties = {
+            name: value
+            for name, value in self.properties.items()
+            if not name.startswith((f"{path}.", f"{path}/"))
+        }
+
     def SetCameraPose(self, eye: np.ndarray, target: np.ndarray) -> None:
         self.camera = Camera(tuple(eye), tuple(target))
 
