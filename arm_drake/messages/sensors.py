@@ -8,13 +8,14 @@ import math
 from typing import Final
 
 from arm_drake.messages.base import Header, Message
-from arm_drake.messages.geometry import Quaternion, Vector3, Wrench
+from arm_drake.messages.geometry import Point32, Quaternion, Vector3, Wrench
 
 # What `arm_drake.messages` has of it.
 __all__ = [
     "BatteryState",
     "BatteryStateArray",
     "CameraInfo",
+    "ChannelFloat32",
     "Float64Values",
     "Image",
     "Imu",
@@ -23,6 +24,7 @@ __all__ = [
     "MagneticField",
     "NavSatFix",
     "NavSatStatus",
+    "PointCloud",
     "PointCloud2",
     "PointField",
     "Range",
@@ -343,6 +345,23 @@ class PointCloud2(Message):
 
     # Whether all points are finite.
     is_dense: bool = True
+
+
+@dc.dataclass(frozen=True)
+class ChannelFloat32(Message):
+    """A number of each point of a PointCloud (`sensor_msgs`)."""
+
+    name: str = ""
+    values: tuple[float, ...] = dc.field(default=(), repr=False)
+
+
+@dc.dataclass(frozen=True)
+class PointCloud(Message):
+    """Points in the header's frame, one by one (`sensor_msgs`)."""
+
+    header: Header = Header()
+    points: tuple[Point32, ...] = dc.field(default=(), repr=False)
+    channels: tuple[ChannelFloat32, ...] = ()
 
 
 @dc.dataclass(frozen=True)

@@ -39,10 +39,22 @@ from pydrake.systems.framework import Context
 from arm_drake.arrays import Array
 from arm_drake.controllers.gazebo.plugin import as_topic
 from arm_drake.description.meshes.reading import read_bytes, read_surfaces
-from arm_drake.description.perception_sensors import LidarSensor, ScanAxis
+from arm_drake.description.perception_sensors import (
+    OUTPUT_TYPES,
+    LidarSensor,
+    ScanAxis,
+)
 from arm_drake.errors import ArmDrakeError, InputError
-from arm_drake.messages import LaserScan, Message, PointCloud2
-from arm_drake.perception.images import make_cloud
+from arm_drake.messages import (
+    ChannelFloat32,
+    LaserScan,
+    Message,
+    Point32,
+    PointCloud,
+    PointCloud2,
+    Range,
+)
+from arm_drake.perception.images import make_ray_cloud
 from arm_drake.perception.scenery import Scenery
 from arm_drake.perception.sensors import (
     Place,
@@ -63,15 +75,24 @@ _SUBDIVISIONS: Final = 5
 # Half of the side of the square that stands for a plane without an end [m].
 _HORIZON: Final = 1000.0
 
+# What Classic's plugin tells, by the class of its messages.
+_CLASSIC_OUTPUTS: Final[Mapping[str, str]] = dict(
+    zip(OUTPUT_TYPES, ("points", "cloud", "scan", "range"), strict=True)
+)
+
 # Farther is no hit [m]; Embree says 1e37.
 _NO_HIT: Final = 1e30
 
 
 def topics_of(lidar: LidarSensor, robot: str, world: str) -> dict[str, str]:
-    """Return the topics of a lidar by what is on them: "scan" and "points"."""
+    """Return the topics of a lidar by what is on them.
+
+    They are "scan" and "points", or what Classic's plugin tells: "range" and "cloud",
+    the older PointCloud, too.
+    """
     plugin = lidar.plugin
     if plugin is not None:
-        kind = "scan" if lidar.output_type.endswith("LaserScan") else "points"
+        kind = _CLASSIC_OUTPUTS[lidar.output_type or OUTPUT_TYPES[0]]
         return find_classic_topics(plugin, {kind: f"{plugin.name}/out"})
     place = f"world/{world}/model/{robot}/link/{lidar.link}/sensor/{lidar.name}/scan"
     topic = as_topic(lidar.topic or place)
@@ -260,9 +281,10 @@ class Lidar(SensorSystem):
     /<lidar>/points   --    PointCloud2, a row for each ring
     ================  ====  =======================================================
 
-    A lidar of Gazebo Classic has one of the topics; ``topics`` tells what they are
-    called. It has no state: whenever it is asked, it measures what is there then. What
-    nobody reads is not measured.
+    A lidar of Gazebo Classic has one topic, which may be a Range, the least distance,
+    or a PointCloud, too; ``topics`` tells what they are called. It has no state:
+    whenever it is asked, it measures what is there then. What nobody reads is not
+    measured.
     """
 
     def __init__(self, sensor: LidarSensor, place: Place, scenery: Scenery) -> None:
@@ -279,6 +301,8 @@ class Lidar(SensorSystem):
         return {
             "scan": (LaserScan, self._make_scan),
             "points": (PointCloud2, self._make_points),
+            "cloud": (PointCloud, self._make_cloud),
+            "range": (Range, self._make_range),
         }
 
     @cached_property
@@ -318,6 +342,19 @@ class Lidar(SensorSystem):
             range_min=sensor.range_min,
             range_max=sensor.range_max,
             ranges=tuple(ranges[len(ranges) // 2].tolist()),
+            intensities=(0.0,) * axis.count,
+        )
+
+    def _make_range(self, context: Context) -> Range:
+        sensor = self.sensor
+        axes = (sensor.horizontal, sensor.vertical)
+        return Range(
+            self._header(context, self.frame_id),
+            radiation_type=int(sensor.radiation == "infrared"),
+            field_of_view=max(axis.max_angle - axis.min_angle for axis in axes),
+            min_range=sensor.range_min,
+            max_range=sensor.range_max,
+            range=float(self._ranges.Eval(context).min()),
         )
 
     def points(self, context: Context) -> Array:
@@ -329,8 +366,19 @@ class Lidar(SensorSystem):
             return np.asarray(self._ranges.Eval(context)[..., None] * self.directions)
 
     def _make_points(self, context: Context) -> PointCloud2:
-        return make_cloud(
-            self._header(context, self.frame_id), self.points(context), None
+        header, points = self._header(context, self.frame_id), self.points(context)
+        return make_ray_cloud(header, points, has_rings=self.sensor.plugin is None)
+
+    def _make_cloud(self, context: Context) -> PointCloud:
+        ranges, header = (
+            self._ranges.Eval(context),
+            self._header(context, self.frame_id),
+        )
+        points = self.points(context)[np.isfinite(ranges)]
+        return PointCloud(
+            header,
+            tuple(Point32(*point) for point in points.tolist()),
+            (ChannelFloat32("intensity", (0.0,) * len(points)),),
         )
 
 
