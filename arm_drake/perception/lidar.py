@@ -80,6 +80,11 @@ _CLASSIC_OUTPUTS: Final[Mapping[str, str]] = dict(
     zip(OUTPUT_TYPES, ("points", "cloud", "scan", "range"), strict=True)
 )
 
+# So many faces that are seen from their other side alone a ray passes, and so much
+# behind each it goes on [m].
+_MOST_BACKS: Final = 16
+_BEHIND: Final = 1e-5
+
 # Farther is no hit [m]; Embree says 1e37.
 _NO_HIT: Final = 1e30
 
@@ -122,6 +127,34 @@ class _Tree(NamedTuple):
     center: Array
     radius: float
 
+    # Normals of the triangles that are seen from outside alone, zero of all others,
+    # shape (n, 3); None if there are none of these.
+    normals: Array | None
+
+    def hit(self, begin: Array, ways: Array) -> Array:
+        """Return how far rays come [m], more than `_NO_HIT` where they meet nothing."""
+        directions = ways.astype(np.float32)
+        if self.normals is None:
+            starts = begin.astype(np.float32)
+            return np.asarray(self.scene.run(starts, directions, query="DISTANCE"))
+        far = np.zeros(len(begin))
+        going = np.arange(len(begin))
+        for _ in range(_MOST_BACKS):
+            starts = (begin[going] + far[going, None] * ways[going]).astype(np.float32)
+            found = self.scene.run(
+                starts, directions[going], query="INTERSECT", output=True
+            )
+            seen, faces = found["tfar"], found["primID"]
+            far[going] += seen
+            out = np.einsum("ij,ij->i", self.normals[faces], ways[going])
+            is_back = (faces >= 0) & (out > 0.0)
+            going = going[is_back]
+            if not len(going):
+                break
+            far[going] += _BEHIND
+        far[going] = np.inf
+        return far
+
 
 class RayScene:
     """The shapes of a diagram, for rays."""
@@ -140,10 +173,16 @@ class RayScene:
         self._trees: list[_Tree] = []
         for place, frame in enumerate(inspector.GetAllFrameIds()):
             ids = inspector.GetGeometries(frame, role)
-            found = [_triangles(inspector, geometry, role) for geometry in ids]
-            triangles = np.concatenate([np.zeros((0, 3, 3)), *found])
-            if len(triangles):
-                self._trees.append(_make_tree(place, triangles))
+            found = [_triangles(inspector, geometry) for geometry in ids]
+            # Of what collides a mesh is seen from outside alone, as ODE has it: else a
+            # lidar that is in its robot's base would see that alone.
+            is_mesh = [
+                np.full(len(part), isinstance(inspector.GetShape(geometry), Mesh))
+                for part, geometry in zip(found, ids, strict=True)
+            ]
+            if sum(map(len, found)):
+                culled = np.concatenate(is_mesh) & (role == Role.kProximity)
+                self._trees.append(_make_tree(place, np.concatenate(found), culled))
 
     def cast(
         self, query: QueryObject, origins: Array, directions: Array, longest: float
@@ -174,16 +213,14 @@ class RayScene:
             ahead = np.maximum(along[meets] - 1.01 * tree.radius, 0.0)
             ways = way[meets]
             begin = starts[meets] + ahead[:, None] * ways
-            hits = tree.scene.run(
-                begin.astype(np.float32), ways.astype(np.float32), query="DISTANCE"
-            )
+            hits = tree.hit(begin, ways)
             distances = np.where(hits < _NO_HIT, hits + ahead, np.inf)
             nearest[meets] = np.minimum(nearest[meets], distances)
         nearest[nearest > longest] = np.inf
         return nearest
 
 
-def _make_tree(place: int, triangles: Array) -> _Tree:
+def _make_tree(place: int, triangles: Array, culled: NDArray[np.bool_]) -> _Tree:
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
@@ -192,20 +229,21 @@ def _make_tree(place: int, triangles: Array) -> _Tree:
     corners = triangles.reshape(-1, 3)
     center = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
     radius = float(np.linalg.norm(corners - center, axis=1).max())
-    return _Tree(place, scene, center, radius)
+    normals = None
+    if culled.any():
+        a, b, c = triangles.transpose(1, 0, 2)
+        normals = np.where(culled[:, None], np.cross(b - a, c - a), 0.0)
+    return _Tree(place, scene, center, radius, normals)
 
 
-def _triangles(
-    inspector: SceneGraphInspector, geometry: GeometryId, role: Role
-) -> Array:
+def _triangles(inspector: SceneGraphInspector, geometry: GeometryId) -> Array:
     """Return the triangles of a shape in its frame [m], shape (n, 3, 3).
 
-    In contact a mesh is its hull.
+    A mesh is seen as it is, as in Gazebo, though in contact it is its hull here.
     """
     shape = inspector.GetShape(geometry)
     X_FG = RigidTransform(inspector.GetPoseInFrame(geometry))
-    is_hull = role == Role.kProximity or isinstance(shape, Convex)
-    if isinstance(shape, Mesh | Convex) and is_hull:
+    if isinstance(shape, Convex):
         hull = inspector.GetConvexHull(geometry)
         corners = np.array([hull.vertex(i) for i in range(hull.num_vertices())])
         faces = []

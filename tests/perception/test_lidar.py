@@ -273,3 +273,16 @@ def test_what_a_lidar_does_not_do_is_in_the_load_report() -> None:
 
     assert "distances in steps of 0.01 m" in report
     assert "output_type: expected one of sensor_msgs/PointCloud2, " in report
+
+
+def test_classics_ray_looks_out_of_a_mesh_that_it_is_in(tmp_path: Path) -> None:
+    creation.icosphere(radius=0.3).export(tmp_path / "base.stl")
+    housing = f'<mesh filename="file://{tmp_path}/base.stl"/>'
+    shapes = one("collision", housing, xyz="0 0 0") + shape('<sphere radius="0.5"/>')
+    plugin = '<plugin name="eyes" filename="libgazebo_ros_ray_sensor.so"/>'
+
+    inside = look(load(shapes, kind="ray", more=plugin)).ranges()[0]
+
+    expected = _to_circle(np.linspace(-math.pi, math.pi, 361), 2.0, 0.5)
+    assert np.isposinf(inside[:140]).all()
+    np.testing.assert_allclose(inside[170:191], expected[170:191], atol=1e-3)
