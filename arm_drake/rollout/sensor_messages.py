@@ -42,7 +42,7 @@ def _to_field(value: Any) -> Any:
     return value
 
 
-def make_message(kind: type[Any], fields: Any) -> Any:
+def make_message(kind: Any, fields: Any) -> Any:
     """Return a message of its fields, a mapping's or an object's."""
     is_mapping = isinstance(fields, Mapping)
     return kind(
