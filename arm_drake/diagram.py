@@ -181,7 +181,8 @@ def build_diagram(
         _add_kinematic_robots(builder, parts, plant, scene_graph, models)
     else:
         _add_dynamic_robots(builder, parts, plant, scene_graph, models, bases)
-    if any(part.robot.description.perception_sensors for part in parts):
+    has_sensors = any(part.robot.description.perception_sensors for part in parts)
+    if has_sensors or setting.options.log_images:
         _add_perception(setting, builder, parts, plant, scene_graph, models)
     if meshcat is not None:
         _add_meshcat(setting, builder, scene_graph, meshcat)
@@ -570,9 +571,10 @@ def _add_perception(
     """Add the cameras and lidars of the robots."""
     # Robots that have none pay for nothing.
     from arm_drake.perception.scenery import Scenery
-    from arm_drake.perception.sensors import Place, add_sensors
+    from arm_drake.perception.sensors import Place, add_sensors, check_logged
 
-    world = setting.world
+    world, logged = setting.world, setting.options.log_images
+    check_logged(logged, {part.system.prefix: part.robot for part in parts})
     scenery = Scenery(world.lights, world.background)
     for part, model in zip(parts, models, strict=True):
         name, prefix = part.robot.name, part.system.prefix
@@ -580,7 +582,14 @@ def _add_perception(
         place = Place(name, plant.GetModelInstanceName(model), world.name, seed)
         manager = builder.GetSubsystemByName(f"{prefix}{MANAGER}")
         manager.sensors = add_sensors(
-            builder, scene_graph, part.robot, place, scenery, prefix, part.report
+            builder,
+            scene_graph,
+            part.robot,
+            place,
+            scenery,
+            prefix,
+            part.report,
+            logged,
         )
 
 

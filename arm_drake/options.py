@@ -94,6 +94,10 @@ class SimulationOptions:
     # Whether the rollout has the contact forces on the robot's links, too.
     log_contacts: bool = False
 
+    # Cameras and lidars whose messages the rollout has, too, as they publish them at
+    # their `update_rate`; with several robots `<robot>/<sensor>`.
+    log_images: tuple[str, ...] = ()
+
     # Seed of all noise: of state interfaces, cameras and lidars.
     seed: int = 0
 
@@ -197,7 +201,8 @@ _KINDS: Mapping[object, tuple[tuple[type, ...], str]] = {
 
 
 def _check_type(name: str, kind: object, value: object) -> None:
-    types, expected = _KINDS.get(kind, ((tuple, list), "names of controllers"))
+    what = "cameras and lidars" if name == "log_images" else "controllers"
+    types, expected = _KINDS.get(kind, ((tuple, list), f"names of {what}"))
     is_number = Real in types
     is_wrong = not isinstance(value, types) or (is_number and isinstance(value, bool))
     if types == (tuple, list) and not is_wrong:

@@ -370,6 +370,13 @@ def _add_output_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--log", metavar="FILE", type=Path, help="write the rollout: .npz, .csv, .mcap")
     add("--log-contacts", action="store_true", help="contact forces in the log, too")
+    add(
+        "--log-images",
+        metavar="SENSOR",
+        action="append",
+        default=[],
+        help="what a camera or lidar publishes in the log, too (repeatable)",
+    )
     add("--record", metavar="FILE.html", type=Path, help="write an animated page")
     add("--loop", action="store_true", help="the page of --record plays for ever")
     add_plot_arguments(parser)

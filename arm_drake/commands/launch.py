@@ -26,7 +26,17 @@ from arm_drake.scene import Scene
 _OF_SIMULATIONS = (
     *("motion", "set", "duration", "world", "gravity", "active", "inactive", "pose"),
     *("payload", "initial", "rate", "preset", "time_step", "log", "log_contacts"),
-    *("record", "loop", "plot", "plot_kind", "video", "paused", "trail", "contacts"),
+    *(
+        "log_images",
+        "record",
+        "loop",
+        "plot",
+        "plot_kind",
+        "video",
+        "paused",
+        "trail",
+        "contacts",
+    ),
     *("wait", "hold", "curve", "display", "keyboard"),
 )
 

@@ -64,6 +64,7 @@ def simulation_options(options: argparse.Namespace) -> SimulationOptions:
         active=tuple(options.active),
         inactive=tuple(options.inactive),
         log_contacts=options.log_contacts,
+        log_images=tuple(options.log_images),
         # It is drawn when it is told to.
         frame_rate=0.0,
     )

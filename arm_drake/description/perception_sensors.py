@@ -45,6 +45,16 @@ _OTHER_FORMATS: Final = (
     *("BAYER_GBRG8", "BAYER_GRBG8", "BAYER_RGGR8"),
 )
 
+# Classes of messages that Classic's plugin of lidars has; the first is its default.
+OUTPUT_TYPES: Final = (
+    "sensor_msgs/PointCloud2",
+    "sensor_msgs/PointCloud",
+    "sensor_msgs/LaserScan",
+    "sensor_msgs/Range",
+)
+
+_RADIATIONS: Final = ("infrared", "ultrasound")
+
 MOST_PIXELS: Final = 8192
 
 # More than any lidar has.
@@ -190,8 +200,11 @@ class LidarSensor(PerceptionSensor):
     # Whether it sees what collides rather than what is drawn, as Classic's "ray" does.
     sees_collisions: bool = False
 
-    # Class of its messages, as Classic's plugin names it; empty is Gazebo's default.
+    # Class of its messages, one of `OUTPUT_TYPES`; empty is Gazebo's default.
     output_type: str = ""
+
+    # What its rays are, as Classic's plugin names it: "ultrasound" or "infrared".
+    radiation: str = "infrared"
 
 
 def read_perception_sensors(
@@ -435,18 +448,31 @@ class _SensorReader(ElementReader):
             self.refuse(f"range: {expected}, got {low:g} and {high:g} m")
         else:
             plugin, fields = common.plugin, dc.fields(common)
-            outputs = () if plugin is None else plugin.texts("output_type")
+            step = self.value(tag, "range/resolution", 0.0, least=0.0)
+            if step:
+                what = f"distances in steps of {step:g} m"
+                self.note("info", "unsupported", what, "distances are told exactly")
             yield LidarSensor(
                 **{f.name: getattr(common, f.name) for f in fields},
                 horizontal=horizontal,
                 vertical=vertical,
                 range_min=low,
                 range_max=high,
-                range_resolution=self.value(tag, "range/resolution", 0.0, least=0.0),
+                range_resolution=step,
                 sees_collisions=plugin is not None
                 and attribute(element, "type") == "ray",
-                output_type=outputs[0] if outputs else "",
+                output_type=self._choice(plugin, "output_type", OUTPUT_TYPES),
+                radiation=self._choice(plugin, "radiation_type", _RADIATIONS),
             )
+
+    def _choice(
+        self, plugin: GazeboPlugin | None, tag: str, known: Sequence[str]
+    ) -> str:
+        """Return a text of a plugin, the first one that is known by default."""
+        texts = () if plugin is None else plugin.texts(tag)
+        if texts and texts[0] not in known:
+            self.expected(tag, f"one of {', '.join(known)}", texts[0])
+        return texts[0] if texts and texts[0] in known else known[0]
 
     def _axis(self, tag: ET.Element, name: str, default: int) -> ScanAxis | None:
         found = tag.find(f"scan/{name}")

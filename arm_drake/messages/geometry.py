@@ -13,6 +13,7 @@ from arm_drake.messages.base import Header, Message, to_float, to_message
 __all__ = [
     "Odometry",
     "Point",
+    "Point32",
     "Pose",
     "PoseStamped",
     "PoseWithCovariance",
@@ -60,6 +61,15 @@ class Vector3(Message):
 @dc.dataclass(frozen=True)
 class Point(Vector3):
     """A position [m]."""
+
+
+@dc.dataclass(frozen=True)
+class Point32(Message):
+    """A position [m], of single precision in ROS."""
+
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
 
 
 @dc.dataclass(frozen=True)

@@ -5,16 +5,17 @@ Numbers that are of single precision in ROS keep the digits that they have here.
 
 import dataclasses as dc
 import math
-from typing import Final
+from typing import ClassVar, Final
 
 from arm_drake.messages.base import Header, Message
-from arm_drake.messages.geometry import Quaternion, Vector3, Wrench
+from arm_drake.messages.geometry import Point32, Quaternion, Vector3, Wrench
 
 # What `arm_drake.messages` has of it.
 __all__ = [
     "BatteryState",
     "BatteryStateArray",
     "CameraInfo",
+    "ChannelFloat32",
     "Float64Values",
     "Image",
     "Imu",
@@ -23,6 +24,7 @@ __all__ = [
     "MagneticField",
     "NavSatFix",
     "NavSatStatus",
+    "PointCloud",
     "PointCloud2",
     "PointField",
     "Range",
@@ -62,6 +64,8 @@ class Imu(Message):
 @dc.dataclass(frozen=True)
 class Range(Message):
     """A distance (`sensor_msgs`)."""
+
+    _ros_package: ClassVar[str] = "sensor_msgs"
 
     header: Header = Header()
 
@@ -260,6 +264,8 @@ class RegionOfInterest(Message):
 class Image(Message):
     """A picture (`sensor_msgs`); `arm_drake.perception.images` makes it an array."""
 
+    _ros_package: ClassVar[str] = "sensor_msgs"
+
     header: Header = Header()
 
     # [pixels].
@@ -281,6 +287,8 @@ class Image(Message):
 @dc.dataclass(frozen=True)
 class CameraInfo(Message):
     """How a camera projects (`sensor_msgs`), in its optical frame: z ahead, y down."""
+
+    _ros_package: ClassVar[str] = "sensor_msgs"
 
     header: Header = Header()
 
@@ -327,6 +335,8 @@ class PointField(Message):
 class PointCloud2(Message):
     """Points in the header's frame (`sensor_msgs`)."""
 
+    _ros_package: ClassVar[str] = "sensor_msgs"
+
     header: Header = Header()
 
     # Of a cloud without an order the height is 1.
@@ -346,8 +356,29 @@ class PointCloud2(Message):
 
 
 @dc.dataclass(frozen=True)
+class ChannelFloat32(Message):
+    """A number of each point of a PointCloud (`sensor_msgs`)."""
+
+    name: str = ""
+    values: tuple[float, ...] = dc.field(default=(), repr=False)
+
+
+@dc.dataclass(frozen=True)
+class PointCloud(Message):
+    """Points in the header's frame, one by one (`sensor_msgs`)."""
+
+    _ros_package: ClassVar[str] = "sensor_msgs"
+
+    header: Header = Header()
+    points: tuple[Point32, ...] = dc.field(default=(), repr=False)
+    channels: tuple[ChannelFloat32, ...] = ()
+
+
+@dc.dataclass(frozen=True)
 class LaserScan(Message):
     """Distances in a plane, counterclockwise about z (`sensor_msgs`)."""
+
+    _ros_package: ClassVar[str] = "sensor_msgs"
 
     header: Header = Header()
 

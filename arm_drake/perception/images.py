@@ -26,6 +26,13 @@ _POINT_FIELDS: Final = tuple(
     PointField(name, 4 * index) for index, name in enumerate(("x", "y", "z", "rgb"))
 )
 
+# Of lidars' clouds; a ring is a uint16.
+_RAY_FIELDS: Final = (
+    *_POINT_FIELDS[:3],
+    PointField("intensity", 12),
+    PointField("ring", 16, datatype=4),
+)
+
 
 def make_image(header: Header, pixels: NDArray[Any], encoding: str) -> Image:
     """Return a picture as a message.
@@ -157,6 +164,26 @@ def make_cloud(
     )
 
 
+def make_ray_cloud(
+    header: Header, points: NDArray[Any], *, has_rings: bool
+) -> PointCloud2:
+    """Return the points of rays, shape (rings, n, 3), as a message.
+
+    The intensity is 0, as of Gazebo's lidars where nothing has a `<laser_retro>`.
+    """
+    height, width = points.shape[:2]
+    fields = _RAY_FIELDS if has_rings else _RAY_FIELDS[:4]
+    size = 4 * len(fields)
+    numbers = np.zeros((height, width, len(fields)), "<f4")
+    numbers[..., :3] = points
+    if has_rings:
+        rings = np.arange(height, dtype="<u4").view("<f4")
+        numbers[..., 4] = rings[:, None]
+    is_dense = bool(np.isfinite(points).all())
+    data, row = numbers.tobytes(), size * width
+    return PointCloud2(header, height, width, fields, False, size, row, data, is_dense)
+
+
 def to_points(cloud: PointCloud2) -> NDArray[np.float32]:
     """Return the points of a cloud, shape (height, width, 3) [m]."""
     numbers = np.frombuffer(cloud.data, "<f4").reshape(cloud.height, cloud.width, -1)
@@ -165,7 +192,7 @@ def to_points(cloud: PointCloud2) -> NDArray[np.float32]:
 
 def to_colors(cloud: PointCloud2) -> NDArray[np.uint8] | None:
     """Return the colours of a cloud's points, shape (height, width, 3), if it has."""
-    if len(cloud.fields) < 4:
+    if "rgb" not in [field.name for field in cloud.fields]:
         return None
     numbers = np.frombuffer(cloud.data, "<u4").reshape(cloud.height, cloud.width, -1)
     packed = numbers[..., 3]

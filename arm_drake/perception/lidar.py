@@ -39,10 +39,22 @@ from pydrake.systems.framework import Context
 from arm_drake.arrays import Array
 from arm_drake.controllers.gazebo.plugin import as_topic
 from arm_drake.description.meshes.reading import read_bytes, read_surfaces
-from arm_drake.description.perception_sensors import LidarSensor, ScanAxis
+from arm_drake.description.perception_sensors import (
+    OUTPUT_TYPES,
+    LidarSensor,
+    ScanAxis,
+)
 from arm_drake.errors import ArmDrakeError, InputError
-from arm_drake.messages import LaserScan, Message, PointCloud2
-from arm_drake.perception.images import make_cloud
+from arm_drake.messages import (
+    ChannelFloat32,
+    LaserScan,
+    Message,
+    Point32,
+    PointCloud,
+    PointCloud2,
+    Range,
+)
+from arm_drake.perception.images import make_ray_cloud
 from arm_drake.perception.scenery import Scenery
 from arm_drake.perception.sensors import (
     Place,
@@ -63,15 +75,29 @@ _SUBDIVISIONS: Final = 5
 # Half of the side of the square that stands for a plane without an end [m].
 _HORIZON: Final = 1000.0
 
+# What Classic's plugin tells, by the class of its messages.
+_CLASSIC_OUTPUTS: Final[Mapping[str, str]] = dict(
+    zip(OUTPUT_TYPES, ("points", "cloud", "scan", "range"), strict=True)
+)
+
+# So many faces that are seen from their other side alone a ray passes, and so much
+# behind each it goes on [m].
+_MOST_BACKS: Final = 16
+_BEHIND: Final = 1e-5
+
 # Farther is no hit [m]; Embree says 1e37.
 _NO_HIT: Final = 1e30
 
 
 def topics_of(lidar: LidarSensor, robot: str, world: str) -> dict[str, str]:
-    """Return the topics of a lidar by what is on them: "scan" and "points"."""
+    """Return the topics of a lidar by what is on them.
+
+    They are "scan" and "points", or what Classic's plugin tells: "range" and "cloud",
+    the older PointCloud, too.
+    """
     plugin = lidar.plugin
     if plugin is not None:
-        kind = "scan" if lidar.output_type.endswith("LaserScan") else "points"
+        kind = _CLASSIC_OUTPUTS[lidar.output_type or OUTPUT_TYPES[0]]
         return find_classic_topics(plugin, {kind: f"{plugin.name}/out"})
     place = f"world/{world}/model/{robot}/link/{lidar.link}/sensor/{lidar.name}/scan"
     topic = as_topic(lidar.topic or place)
@@ -101,6 +127,34 @@ class _Tree(NamedTuple):
     center: Array
     radius: float
 
+    # Normals of the triangles that are seen from outside alone, zero of all others,
+    # shape (n, 3); None if there are none of these.
+    normals: Array | None
+
+    def hit(self, begin: Array, ways: Array) -> Array:
+        """Return how far rays come [m], more than `_NO_HIT` where they meet nothing."""
+        directions = ways.astype(np.float32)
+        if self.normals is None:
+            starts = begin.astype(np.float32)
+            return np.asarray(self.scene.run(starts, directions, query="DISTANCE"))
+        far = np.zeros(len(begin))
+        going = np.arange(len(begin))
+        for _ in range(_MOST_BACKS):
+            starts = (begin[going] + far[going, None] * ways[going]).astype(np.float32)
+            found = self.scene.run(
+                starts, directions[going], query="INTERSECT", output=True
+            )
+            seen, faces = found["tfar"], found["primID"]
+            far[going] += seen
+            out = np.einsum("ij,ij->i", self.normals[faces], ways[going])
+            is_back = (faces >= 0) & (out > 0.0)
+            going = going[is_back]
+            if not len(going):
+                break
+            far[going] += _BEHIND
+        far[going] = np.inf
+        return far
+
 
 class RayScene:
     """The shapes of a diagram, for rays."""
@@ -119,10 +173,16 @@ class RayScene:
         self._trees: list[_Tree] = []
         for place, frame in enumerate(inspector.GetAllFrameIds()):
             ids = inspector.GetGeometries(frame, role)
-            found = [_triangles(inspector, geometry, role) for geometry in ids]
-            triangles = np.concatenate([np.zeros((0, 3, 3)), *found])
-            if len(triangles):
-                self._trees.append(_make_tree(place, triangles))
+            found = [_triangles(inspector, geometry) for geometry in ids]
+            # Of what collides a mesh is seen from outside alone, as ODE has it: else a
+            # lidar that is in its robot's base would see that alone.
+            is_mesh = [
+                np.full(len(part), isinstance(inspector.GetShape(geometry), Mesh))
+                for part, geometry in zip(found, ids, strict=True)
+            ]
+            if sum(map(len, found)):
+                culled = np.concatenate(is_mesh) & (role == Role.kProximity)
+                self._trees.append(_make_tree(place, np.concatenate(found), culled))
 
     def cast(
         self, query: QueryObject, origins: Array, directions: Array, longest: float
@@ -153,16 +213,14 @@ class RayScene:
             ahead = np.maximum(along[meets] - 1.01 * tree.radius, 0.0)
             ways = way[meets]
             begin = starts[meets] + ahead[:, None] * ways
-            hits = tree.scene.run(
-                begin.astype(np.float32), ways.astype(np.float32), query="DISTANCE"
-            )
+            hits = tree.hit(begin, ways)
             distances = np.where(hits < _NO_HIT, hits + ahead, np.inf)
             nearest[meets] = np.minimum(nearest[meets], distances)
         nearest[nearest > longest] = np.inf
         return nearest
 
 
-def _make_tree(place: int, triangles: Array) -> _Tree:
+def _make_tree(place: int, triangles: Array, culled: NDArray[np.bool_]) -> _Tree:
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
@@ -171,20 +229,21 @@ def _make_tree(place: int, triangles: Array) -> _Tree:
     corners = triangles.reshape(-1, 3)
     center = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
     radius = float(np.linalg.norm(corners - center, axis=1).max())
-    return _Tree(place, scene, center, radius)
+    normals = None
+    if culled.any():
+        a, b, c = triangles.transpose(1, 0, 2)
+        normals = np.where(culled[:, None], np.cross(b - a, c - a), 0.0)
+    return _Tree(place, scene, center, radius, normals)
 
 
-def _triangles(
-    inspector: SceneGraphInspector, geometry: GeometryId, role: Role
-) -> Array:
+def _triangles(inspector: SceneGraphInspector, geometry: GeometryId) -> Array:
     """Return the triangles of a shape in its frame [m], shape (n, 3, 3).
 
-    In contact a mesh is its hull.
+    A mesh is seen as it is, as in Gazebo, though in contact it is its hull here.
     """
     shape = inspector.GetShape(geometry)
     X_FG = RigidTransform(inspector.GetPoseInFrame(geometry))
-    is_hull = role == Role.kProximity or isinstance(shape, Convex)
-    if isinstance(shape, Mesh | Convex) and is_hull:
+    if isinstance(shape, Convex):
         hull = inspector.GetConvexHull(geometry)
         corners = np.array([hull.vertex(i) for i in range(hull.num_vertices())])
         faces = []
@@ -260,9 +319,10 @@ class Lidar(SensorSystem):
     /<lidar>/points   --    PointCloud2, a row for each ring
     ================  ====  =======================================================
 
-    A lidar of Gazebo Classic has one of the topics; ``topics`` tells what they are
-    called. It has no state: whenever it is asked, it measures what is there then. What
-    nobody reads is not measured.
+    A lidar of Gazebo Classic has one topic, which may be a Range, the least distance,
+    or a PointCloud, too; ``topics`` tells what they are called. It has no state:
+    whenever it is asked, it measures what is there then. What nobody reads is not
+    measured.
     """
 
     def __init__(self, sensor: LidarSensor, place: Place, scenery: Scenery) -> None:
@@ -279,6 +339,8 @@ class Lidar(SensorSystem):
         return {
             "scan": (LaserScan, self._make_scan),
             "points": (PointCloud2, self._make_points),
+            "cloud": (PointCloud, self._make_cloud),
+            "range": (Range, self._make_range),
         }
 
     @cached_property
@@ -318,6 +380,19 @@ class Lidar(SensorSystem):
             range_min=sensor.range_min,
             range_max=sensor.range_max,
             ranges=tuple(ranges[len(ranges) // 2].tolist()),
+            intensities=(0.0,) * axis.count,
+        )
+
+    def _make_range(self, context: Context) -> Range:
+        sensor = self.sensor
+        axes = (sensor.horizontal, sensor.vertical)
+        return Range(
+            self._header(context, self.frame_id),
+            radiation_type=int(sensor.radiation == "infrared"),
+            field_of_view=max(axis.max_angle - axis.min_angle for axis in axes),
+            min_range=sensor.range_min,
+            max_range=sensor.range_max,
+            range=float(self._ranges.Eval(context).min()),
         )
 
     def points(self, context: Context) -> Array:
@@ -329,8 +404,19 @@ class Lidar(SensorSystem):
             return np.asarray(self._ranges.Eval(context)[..., None] * self.directions)
 
     def _make_points(self, context: Context) -> PointCloud2:
-        return make_cloud(
-            self._header(context, self.frame_id), self.points(context), None
+        header, points = self._header(context, self.frame_id), self.points(context)
+        return make_ray_cloud(header, points, has_rings=self.sensor.plugin is None)
+
+    def _make_cloud(self, context: Context) -> PointCloud:
+        ranges, header = (
+            self._ranges.Eval(context),
+            self._header(context, self.frame_id),
+        )
+        points = self.points(context)[np.isfinite(ranges)]
+        return PointCloud(
+            header,
+            tuple(Point32(*point) for point in points.tolist()),
+            (ChannelFloat32("intensity", (0.0,) * len(points)),),
         )
 
 

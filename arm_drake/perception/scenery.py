@@ -6,6 +6,7 @@ what was loaded. A picture depends on the poses of that moment alone.
 """
 
 import ctypes
+import functools
 import sys
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
@@ -261,10 +262,8 @@ class Scenery:
 
 def require_renderer() -> None:
     """Raise ArmDrakeError if the libraries that Drake's renderer opens are missing."""
-    if sys.platform != "linux":
-        return
     try:
-        ctypes.CDLL(_EGL)
+        _egl()
     except OSError:
         raise ArmDrakeError(
             f"pictures of cameras need EGL, and {_EGL} isn't there; Debian and Ubuntu "
@@ -274,8 +273,15 @@ def require_renderer() -> None:
 
 def _let_go() -> None:
     """Leave the renderer's contexts to other threads; each draws in one at a time."""
-    if sys.platform == "linux":
-        ctypes.CDLL(_EGL).eglReleaseThread()
+    egl = _egl()
+    if egl is not None:
+        egl.eglReleaseThread()
+
+
+@functools.cache
+def _egl() -> ctypes.CDLL | None:
+    """Return the library that Drake's renderer opens on Linux, or raise OSError."""
+    return ctypes.CDLL(_EGL) if sys.platform == "linux" else None
 
 
 def _make_light(light: Light) -> LightParameter:

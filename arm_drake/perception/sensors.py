@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.geometry import QueryObject, SceneGraph
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, OutputPort
+from pydrake.systems.framework import (
+    Context,
+    DiagramBuilder,
+    LeafSystem,
+    OutputPort,
+    State,
+)
 
 from arm_drake.controllers.gazebo.plugin import ros_topic
 from arm_drake.description.gazebo import GazeboPlugin
@@ -186,6 +192,84 @@ SENSORS: Final[Mapping[type[PerceptionSensor], str]] = {
 }
 
 
+class _Sampled(NamedTuple):
+    """What was told at a time, and what was before: a copy is the thing itself."""
+
+    time: float
+    messages: tuple[Message, ...]
+    before: "_Sampled | None"
+
+    def __deepcopy__(self, memo: object) -> "_Sampled":
+        return self
+
+
+class SensorLog(PythonSystem):
+    """Keeps what a sensor publishes, at its update rate.
+
+    .. pydrake_system::
+
+        name: SensorLog
+        input_ports:
+        - <topic>
+
+    There is a port for each topic. What was kept is in the context.
+    """
+
+    def __init__(self, sensor: SensorSystem, prefix: str) -> None:
+        """Create it for a sensor of a robot, whose names begin with a prefix."""
+        super().__init__()
+        self.topics = tuple(sensor.output_types)
+        self._names = tuple(f"/{prefix}{topic.lstrip('/')}" for topic in self.topics)
+        for topic in self.topics:
+            self.DeclareAbstractInputPort(topic, AbstractValue.Make(()))
+        self._kept = self.DeclareAbstractState(AbstractValue.Make([None]))
+        period = 1.0 / sensor.params.update_rate
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+
+    def _update(self, context: Context, state: State) -> None:
+        messages = tuple(
+            self.GetInputPort(topic).Eval(context) for topic in self.topics
+        )
+        before = context.get_abstract_state(self._kept).get_value()[0]
+        kept = _Sampled(context.get_time(), messages, before)
+        state.get_mutable_abstract_state(self._kept).set_value([kept])
+
+    def read(self, root: Context, since: float) -> dict[str, tuple[Message, ...]]:
+        """Return the messages since a time [s] by topic, with the robot's prefix."""
+        now, found = root.get_time(), []
+        kept = self._newest(root)
+        while kept is not None and kept.time >= since:
+            if kept.time <= now:
+                found.append(kept.messages)
+            kept = kept.before
+        columns = (
+            zip(*reversed(found), strict=True) if found else [()] * len(self._names)
+        )
+        return dict(zip(self._names, map(tuple, columns), strict=True))
+
+    def forget_before(self, root: Context, time: float) -> None:
+        """Forget what was told before a time [s]."""
+        kept, later = self._newest(root), []
+        while kept is not None and kept.time >= time:
+            later.append(kept)
+            kept = kept.before
+        rest: _Sampled | None = None
+        for each in reversed(later):
+            rest = each._replace(before=rest)
+        context = self.GetMyMutableContextFromRoot(root)
+        context.get_mutable_abstract_state(self._kept).set_value([rest])
+
+    def _newest(self, root: Context) -> _Sampled | None:
+        context = self.GetMyContextFromRoot(root)
+        newest: _Sampled | None = context.get_abstract_state(self._kept).get_value()[0]
+        return newest
+
+
+def log_name(prefix: str, sensor: str) -> str:
+    """Return the name of the log of a sensor."""
+    return f"{prefix}log:sensor:{sensor}"
+
+
 def add_sensors(
     builder: DiagramBuilder,
     scene_graph: SceneGraph,
@@ -194,10 +278,12 @@ def add_sensors(
     scenery: Scenery,
     prefix: str,
     report: LoadReport,
+    logged: Sequence[str] = (),
 ) -> tuple[LeafSystem, ...]:
     """Add the cameras and lidars of a robot, and export their topics.
 
-    A topic has one publisher. They compute nothing that nobody reads.
+    A topic has one publisher. They compute nothing that nobody reads; the log of those
+    whose names, with the prefix, are in `logged` reads them.
     """
     systems: list[LeafSystem] = []
     publishers: dict[str, str] = {}
@@ -220,7 +306,28 @@ def add_sensors(
             done = f"what {first!r} publishes is there"
             report.add("warning", "unsupported", what, done, where="sensors")
         systems.append(system)
+        if f"{prefix}{sensor.name}" in logged:
+            name = log_name(prefix, sensor.name)
+            log = builder.AddNamedSystem(name, SensorLog(system, prefix))
+            for topic in log.topics:
+                builder.Connect(system.GetOutputPort(topic), log.GetInputPort(topic))
     return tuple(systems)
+
+
+def check_logged(names: Sequence[str], robots: Mapping[str, Robot]) -> None:
+    """Raise InputError if one of the names isn't a camera or lidar of the robots.
+
+    The robots are by the prefix of their names.
+    """
+    known = [
+        f"{prefix}{sensor.name}"
+        for prefix, robot in robots.items()
+        for sensor in robot.description.perception_sensors
+    ]
+    for name in names:
+        if name not in known:
+            hint = suggest(name, known) if known else "the robots have none"
+            raise InputError(f"log_images: no camera or lidar {name!r}; {hint}")
 
 
 def add_camera(

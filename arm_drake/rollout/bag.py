@@ -23,6 +23,7 @@ from arm_drake.arrays import Array
 from arm_drake.description.joints import WORLD
 from arm_drake.errors import InputError, suggest
 from arm_drake.messages import NANOSECONDS
+from arm_drake.messages.base import ros_type
 from arm_drake.rollout.link_poses import (
     LinkTransform,
     base_pose,
@@ -41,6 +42,7 @@ from arm_drake.rollout.rollout import (
     read_static,
     to_plain,
 )
+from arm_drake.rollout.sensor_messages import SENSOR_TYPES, make_message, to_fields
 
 # Names of topics that are ours; in front of them stands the robot's namespace.
 STATIC, GOALS = "/arm_drake/rollout", "/arm_drake/goals"
@@ -310,6 +312,8 @@ class RobotTopics:
         # Time of the last messages that were sent, and how many of that time are told.
         self._sent_at, self._num_sent = -math.inf, 0
         self._input_at, self._num_inputs = -math.inf, 0
+        # Time of the last message of each topic of cameras and lidars [ns].
+        self._sensed: dict[str, int] = {}
 
     def tell(self, rollout: Rollout) -> Iterator[BagMessage]:
         """Yield messages of what is later than the last rollout, not in their order."""
@@ -325,8 +329,19 @@ class RobotTopics:
             yield from tell_row(rollout, int(row), time_ns, prefix)
             yield from self._tell_active(rollout, int(row), time_ns)
         yield from self._tell_tf(rollout, times, new)
+        yield from self._tell_sensors(rollout)
         if len(new):
             self._last_ns = int(times[new[-1]])
+
+    def _tell_sensors(self, rollout: Rollout) -> Iterator[BagMessage]:
+        """Yield what cameras and lidars told."""
+        for topic, messages in rollout.sensor_messages.items():
+            for message in messages:
+                time_ns = message.header.stamp.to_nanoseconds()  # type: ignore[attr-defined]
+                if time_ns > self._sensed.get(topic, -1):
+                    self._sensed[topic] = time_ns
+                    type_ = str(ros_type(type(message)))
+                    yield BagMessage(topic, type_, time_ns, to_fields(message))
 
     def _tell_static(self, rollout: Rollout, time_ns: int) -> Iterator[BagMessage]:
         prefix = rollout.namespace
@@ -507,7 +522,7 @@ def read_fields(path: Path, robot: str | None = None) -> dict[str, Any]:
     topics: dict[str, _Messages] = {}
     try:
         with Reader(path) as reader:
-            ours = [c for c in reader.connections if _is_ours(c.topic)]
+            ours = [c for c in reader.connections if _is_ours(c.topic, c.msgtype)]
             for connection in ours:
                 topics[connection.topic] = []
             for connection, time_ns, data in reader.messages(connections=ours):
@@ -524,7 +539,7 @@ def read_fields(path: Path, robot: str | None = None) -> dict[str, Any]:
         raise InputError(problem, file=path) from None
 
 
-def _is_ours(topic: str) -> bool:
+def _is_ours(topic: str, type_: str) -> bool:
     own_topics = (
         STATIC,
         GOALS,
@@ -535,8 +550,10 @@ def _is_ours(topic: str) -> bool:
         JOINT_STATES,
         DESCRIPTION,
     )
-    return topic.endswith((*own_topics, CONTROLLER_STATE)) or any(
-        part in topic for part in (POSES, CONTACTS)
+    return (
+        topic.endswith((*own_topics, CONTROLLER_STATE))
+        or any(part in topic for part in (POSES, CONTACTS))
+        or type_ in SENSOR_TYPES
     )
 
 
@@ -611,6 +628,13 @@ def _read_robot(
         "contact_forces": {
             link: np.nan_to_num(found.fill(contact_topic("", link), 3, _force))
             for link in static["contact_forces"]
+        },
+        "sensor_messages": {
+            topic: tuple(
+                make_message(SENSOR_TYPES[f"sensor_msgs/msg/{type_}"], message)
+                for _, message in topics.get(topic, [])
+            )
+            for topic, type_ in static.get("sensor_messages", {}).items()
         },
         "goals": tuple(goals[number] for number in sorted(goals)),
         "messages": tuple(SentMessage(**message) for message in messages),

@@ -1,16 +1,30 @@
 """Rollouts as arrays of NumPy, with everything, in an `.npz` file."""
 
+import json
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_drake.errors import InputError
-from arm_drake.rollout.rollout import STATIC_FIELDS, Rollout, make_static, read_static
+from arm_drake.messages import Message
+from arm_drake.rollout.rollout import (
+    STATIC_FIELDS,
+    Rollout,
+    make_static,
+    read_static,
+    to_plain,
+)
+from arm_drake.rollout.sensor_messages import SENSOR_TYPES, make_message, to_fields
 
 # What isn't an array.
 _STATIC = "rollout"
+
+# Of a topic of cameras and lidars, after its name: fields as JSON, and their bytes.
+_FIELDS, _DATA = "/messages", "/data"
 
 
 def write_rollout(rollout: Rollout, path: Path) -> None:
@@ -37,8 +51,37 @@ def write_rollout(rollout: Rollout, path: Path) -> None:
         arrays[f"{link}/pose"] = poses
     for link, forces in rollout.contact_forces.items():
         arrays[f"{link}/contact_force"] = forces
+    for topic, messages in rollout.sensor_messages.items():
+        if messages:
+            arrays |= _tell_sensor(topic, messages)
     with path.open("wb") as file:
         np.savez(file, **arrays)
+
+
+def _tell_sensor(topic: str, messages: Sequence[Message]) -> dict[str, Any]:
+    """Return messages as arrays: their fields as JSON, their bytes as they are."""
+    fields = [to_fields(message) for message in messages]
+    data = [each.pop("data", b"") for each in fields]
+    for each, content in zip(fields, data, strict=True):
+        each["num_bytes"] = len(content)
+    text = json.dumps(to_plain(fields), ensure_ascii=False)
+    return {
+        f"{topic}{_FIELDS}": np.frombuffer(text.encode(), dtype=np.uint8),
+        f"{topic}{_DATA}": np.frombuffer(b"".join(data), dtype=np.uint8),
+    }
+
+
+def _read_sensor(
+    fields: NDArray[Any], data: NDArray[Any], type_: str
+) -> tuple[Message, ...]:
+    """Return the messages that `_tell_sensor` has told."""
+    kind, content = SENSOR_TYPES[f"sensor_msgs/msg/{type_}"], data.tobytes()
+    found, start = [], 0
+    for each in json.loads(fields.tobytes().decode()):
+        end = start + each.pop("num_bytes")
+        each["data"], start = content[start:end], end
+        found.append(make_message(kind, each))
+    return tuple(found)
 
 
 def read_fields(path: Path, robot: str | None = None) -> dict[str, Any]:
@@ -52,6 +95,14 @@ def read_fields(path: Path, robot: str | None = None) -> dict[str, Any]:
         with path.open("rb") as content, np.load(content) as file:
             arrays = dict(file)
         static = read_static(bytes(arrays.pop(_STATIC)).decode())
+        told = {
+            topic: (
+                arrays.pop(f"{topic}{_FIELDS}"),
+                arrays.pop(f"{topic}{_DATA}"),
+                type_,
+            )
+            for topic, type_ in static.get("sensor_messages", {}).items()
+        }
         # Differences of booleans and of unsigned integers are none.
         arrays = {
             name: array.astype(float, copy=False)
@@ -68,6 +119,9 @@ def read_fields(path: Path, robot: str | None = None) -> dict[str, Any]:
             "references": {
                 name: (joints, arrays[f"{name}/reference"])
                 for name, joints in static["references"].items()
+            },
+            "sensor_messages": {
+                topic: _read_sensor(*parts) for topic, parts in told.items()
             },
             "free_poses": {
                 link: arrays[f"{link}/pose"] for link in static["free_poses"]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.errors import MissingExtraError, suggest
+from arm_drake.messages import Message
 from arm_drake.rollout.formats import load_fields, save_rollout
 from arm_drake.rollout.link_poses import find_tip, read_link_poses
 
@@ -173,6 +174,10 @@ class Rollout:
     # Total contact force on each link in the world [N], shape (N, 3); only where that
     # was asked for, see `SimulationOptions.log_contacts`.
     contact_forces: Mapping[str, Array] = dc.field(default_factory=dict)
+
+    # What cameras and lidars published, by topic and in order; only of those for which
+    # that was asked, see `SimulationOptions.log_images`.
+    sensor_messages: Mapping[str, tuple[Message, ...]] = dc.field(default_factory=dict)
 
     # Goals and messages that were sent, in order.
     goals: tuple[GoalRecord, ...] = ()
@@ -463,6 +468,11 @@ def make_static(rollout: Rollout, *, is_whole: bool = True) -> str:
                 },
                 "free_poses": list(rollout.free_poses),
                 "contact_forces": list(rollout.contact_forces),
+                "sensor_messages": {
+                    topic: type(messages[0]).__name__
+                    for topic, messages in rollout.sensor_messages.items()
+                    if messages
+                },
                 "info": rollout.info,
                 **more,
             }

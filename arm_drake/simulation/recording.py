@@ -27,6 +27,7 @@ from arm_drake.messages import (
     FollowJointTrajectoryResult,
     GoalStatus,
     JointState,
+    Message,
 )
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.contact import CONTACT_LOG, Shape
@@ -98,6 +99,7 @@ def read_rollout(
             period=period,
         ),
         contact_forces=_read_contacts(diagram, context, manager, ticks[first:], since),
+        sensor_messages=_read_sensors(diagram, context, manager, since),
         description=manager.robot.portable_source,
     )
 
@@ -144,6 +146,8 @@ def forget_rows(diagram: Diagram, context: Context, before: float) -> None:
             log.Clear()
             for row in range(int(np.searchsorted(times, before)), len(times)):
                 log.AddData(times[row], rows[row])
+        elif isinstance(system, PythonSystem) and hasattr(system, "forget_before"):
+            system.forget_before(context, before)
 
 
 def _ticks_done(time: Array | float, period: float) -> Ticks:
@@ -197,6 +201,23 @@ def _read_contacts(
         for index, link in enumerate(manager.robot.description.links)
         if link != WORLD
     }
+
+
+def _read_sensors(
+    diagram: Diagram, context: Context, manager: ControllerManager, since: float
+) -> dict[str, tuple[Message, ...]]:
+    """Return what cameras and lidars told since a time [s], if recorded, by topic."""
+    found: dict[str, tuple[Message, ...]] = {}
+    if manager.sensors:
+        # Robots that have none pay for nothing.
+        from arm_drake.perception.sensors import log_name
+
+        for sensor in manager.sensors:
+            name = log_name(manager.prefix, sensor.sensor.name)
+            if diagram.HasSubsystemNamed(name):
+                log: Any = diagram.GetSubsystemByName(name)
+                found |= log.read(context, since)
+    return found
 
 
 class _Commanded(NamedTuple):

@@ -237,6 +237,10 @@ def _since(rollout: Rollout, time: float) -> Rollout:
             for goal in rollout.goals
             if goal.ended_at is None or goal.ended_at >= time
         ),
+        sensor_messages={
+            topic: tuple(m for m in messages if m.header.stamp.to_seconds() >= time)  # type: ignore[attr-defined]
+            for topic, messages in rollout.sensor_messages.items()
+        },
         messages=tuple(m for m in rollout.messages if m.time >= time - _SAME_TIME),
         inputs=tuple(i for i in rollout.inputs if i.time >= time - _SAME_TIME),
     )

@@ -41,12 +41,13 @@ _PARTS = {"srv": ("Request", "Response"), "action": ("Goal", "Result", "Feedback
 _PACKAGES: Mapping[str, str] = {
     "ackermann_msgs": "AckermannDrive",
     "gazebo_msgs": "ContactState ContactsState",
-    "geometry_msgs": "Point Pose PoseStamped PoseWithCovariance Quaternion Transform "
-    "TransformStamped Twist TwistStamped TwistWithCovariance Vector3 Wrench "
+    "geometry_msgs": "Point Point32 Pose PoseStamped PoseWithCovariance Quaternion "
+    "Transform TransformStamped Twist TwistStamped TwistWithCovariance Vector3 Wrench "
     "WrenchStamped",
     "nav_msgs": "Odometry",
-    "sensor_msgs": "BatteryState CameraInfo CompressedImage Image Imu JointState "
-    "LaserScan MagneticField NavSatFix NavSatStatus PointCloud2 Range",
+    "sensor_msgs": "BatteryState CameraInfo ChannelFloat32 CompressedImage Image Imu "
+    "JointState LaserScan MagneticField NavSatFix NavSatStatus PointCloud PointCloud2 "
+    "Range",
     "std_msgs": "Bool Float32 Float64 Float64MultiArray Header Int8MultiArray String",
     "tf2_msgs": "TFMessage",
     "trajectory_msgs": "JointTrajectory JointTrajectoryPoint",

@@ -81,12 +81,11 @@ def test_a_box_is_lifted_and_put_where_it_should_be() -> None:
     assert ad.held_thing(simulation) is None
 
 
-# Robots with grippers of other kinds: two fingers of an arm of four joints, one finger
-# of an arm of five, and six gears behind controllers that take plain positions.
+# Robots with grippers of other kinds: two fingers of an arm of four joints, and one
+# finger of an arm of five.
 OTHERS = {
     "open_manipulator_x": ((0.2, 0.0), (0.16, 0.08)),
     "so100_brukg": ((0.0, -0.25), (0.1, -0.2)),
-    "centauri": ((0.0, 0.35), (0.175, 0.28)),
 }
 
 
@@ -94,7 +93,7 @@ OTHERS = {
 @pytest.mark.parametrize("name", OTHERS)
 def test_other_arms_do_so_too(name: str) -> None:
     start, goal = OTHERS[name]
-    robot = ad.load_robot(name) if name == "centauri" else load_real_robot(name)
+    robot = load_real_robot(name)
     world = with_things(load_world("empty"), [at(BOX, *start)])
     simulation = ad.Simulation(ad.build_diagram(robot, world=world))
     simulation.advance_to(0.1)

@@ -164,7 +164,7 @@ def test_the_other_robot_stays_as_it_is() -> None:
 @pytest.mark.slow
 def test_the_page_of_cameras_is_right() -> None:
     blocks = read_blocks(ROOT / "docs" / "cameras.md")
-    text = "".join(b.text for b in blocks if b.language == "python")
+    text = "\n".join(b.text for b in blocks if b.language == "python")
     names: dict[str, Any] = {}
 
     exec(text, names)  # noqa: S102

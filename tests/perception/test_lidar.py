@@ -211,3 +211,78 @@ def test_a_missing_package_and_a_wrong_name_are_told(monkeypatch) -> None:
         simulation.lidar("front").ranges()
     with pytest.raises(InputError, match="no lidar 'rear'"):
         simulation.lidar("rear")
+
+
+@pytest.mark.parametrize("kind", ["Range", "PointCloud", "PointCloud2"])
+def test_classics_plugin_tells_what_its_tag_asks_for(kind: str) -> None:
+    plugin = (
+        '<plugin name="eyes" filename="libgazebo_ros_ray_sensor.so">'
+        f"<output_type>sensor_msgs/{kind}</output_type>"
+        "<radiation_type>ultrasound</radiation_type><frame_name>eye</frame_name>"
+        "</plugin>"
+    )
+    sphere = shape('<sphere radius="0.5"/>')
+    simulation = ad.Simulation(ad.build_diagram(load(sphere, "ray", more=plugin)))
+    message = simulation.topic("/eyes/out").value()
+
+    assert type(message).__name__ == kind
+    assert message.header.frame_id == "eye"
+    if kind == "Range":
+        assert message.range == pytest.approx(1.5, abs=1e-4)
+        assert (message.min_range, message.max_range) == (0.05, 20.0)
+        assert message.field_of_view == pytest.approx(2.0 * math.pi)
+        assert message.radiation_type == 0
+    elif kind == "PointCloud":
+        seen = np.array([[p.x, p.y, p.z] for p in message.points])
+        away = np.linalg.norm(seen - [2.0, 0.0, 0.0], axis=1)
+        assert len(seen) > 25
+        np.testing.assert_allclose(away, 0.5, atol=1e-3)
+        assert len(message.channels[0].values) == len(seen)
+    else:
+        assert [f.name for f in message.fields] == ["x", "y", "z", "intensity"]
+
+
+def test_a_point_of_a_cloud_tells_its_ring() -> None:
+    scan = f"<horizontal>{_AROUND}</horizontal>{_RINGS}"
+    robot = load(scan=scan, more="<topic>scan</topic>")
+    cloud = ad.Simulation(ad.build_diagram(robot)).topic("/scan/points").value()
+
+    kinds = {1: "i1", 2: "u1", 3: "<i2", 4: "<u2", 5: "<i4", 6: "<u4", 7: "<f4"}
+    layout = np.dtype(
+        {
+            "names": [field.name for field in cloud.fields],
+            "formats": [kinds[field.datatype] for field in cloud.fields],
+            "offsets": [field.offset for field in cloud.fields],
+            "itemsize": cloud.point_step,
+        }
+    )
+    points = np.frombuffer(cloud.data, layout).reshape(cloud.height, cloud.width)
+    assert layout.names == ("x", "y", "z", "intensity", "ring")
+    assert (points["ring"] == np.arange(3)[:, None]).all()
+    np.testing.assert_allclose(points["z"][0], -1.0, atol=1e-4)
+    assert (points["intensity"] == 0.0).all()
+
+
+def test_what_a_lidar_does_not_do_is_in_the_load_report() -> None:
+    plugin = (
+        '<plugin name="eyes" filename="libgazebo_ros_ray_sensor.so">'
+        "<output_type>sensor_msgs/Scan</output_type></plugin>"
+    )
+    limits = "<min>0.1</min><max>9</max><resolution>0.01</resolution>"
+    report = str(load(kind="ray", more=plugin, limits=limits).report)
+
+    assert "distances in steps of 0.01 m" in report
+    assert "output_type: expected one of sensor_msgs/PointCloud2, " in report
+
+
+def test_classics_ray_looks_out_of_a_mesh_that_it_is_in(tmp_path: Path) -> None:
+    creation.icosphere(radius=0.3).export(tmp_path / "base.stl")
+    housing = f'<mesh filename="file://{tmp_path}/base.stl"/>'
+    shapes = one("collision", housing, xyz="0 0 0") + shape('<sphere radius="0.5"/>')
+    plugin = '<plugin name="eyes" filename="libgazebo_ros_ray_sensor.so"/>'
+
+    inside = look(load(shapes, kind="ray", more=plugin)).ranges()[0]
+
+    expected = _to_circle(np.linspace(-math.pi, math.pi, 361), 2.0, 0.5)
+    assert np.isposinf(inside[:140]).all()
+    np.testing.assert_allclose(inside[170:191], expected[170:191], atol=1e-3)

@@ -1,0 +1,119 @@
+"""What cameras and lidars publish, in rollouts and in their files."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import arm_drake as ad
+from arm_drake.errors import InputError
+from arm_drake.messages import CameraInfo, Image, LaserScan, PointCloud2
+from arm_drake.perception.images import to_array
+from tests.perception.test_lidar import load, shape
+
+RATE = 20.0
+
+
+@pytest.fixture(scope="module")
+def simulation() -> ad.Simulation:
+    """Return 0.2 s of an arm that nods before a camera, and has a lidar."""
+    sphere = shape('<sphere radius="0.5"/>')
+    robot = load(sphere, more=f"<update_rate>{RATE:g}</update_rate><topic>scan</topic>")
+    robot = ad.add_camera(
+        robot, "eye", name="cam", width=64, height=48, update_rate=RATE, noise=0.02
+    )
+    robot = ad.add_camera(robot, "eye", name="other", width=64, height=48)
+    options = ad.SimulationOptions(log_images=("cam", "front"))
+    simulation = ad.Simulation(ad.build_diagram(robot, options=options))
+    simulation.advance_to(0.21)
+    return simulation
+
+
+def test_messages_come_at_the_update_rate(simulation: ad.Simulation) -> None:
+    logged = simulation.rollout().sensor_messages
+
+    topics = {"image", "depth_image", "points", "camera_info"}
+    assert set(logged) == {"/scan", "/scan/points"} | {f"/cam/{t}" for t in topics}
+    for messages in logged.values():
+        times = [message.header.stamp.to_seconds() for message in messages]
+        np.testing.assert_allclose(times, np.arange(5) / RATE, atol=1e-9)
+    types = {type(messages[0]) for messages in logged.values()}
+    assert types == {Image, CameraInfo, PointCloud2, LaserScan}
+
+
+def test_a_logged_picture_is_the_one_of_its_time(simulation: ad.Simulation) -> None:
+    robot = next(iter(simulation.robots.values()))
+    fresh = ad.Simulation(ad.build_diagram(robot))
+    fresh.advance_to(0.05)
+
+    picture = simulation.rollout().sensor_messages["/cam/image"][1]
+
+    # Noise depends on the time alone.
+    np.testing.assert_array_equal(to_array(picture), fresh.camera("cam").color())
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".mcap"])
+def test_files_have_them(
+    suffix: str, simulation: ad.Simulation, tmp_path: Path
+) -> None:
+    rollout = simulation.rollout()
+    rollout.save(tmp_path / f"run{suffix}")
+    read = ad.Rollout.load(tmp_path / f"run{suffix}").sensor_messages
+
+    assert read.keys() == rollout.sensor_messages.keys()
+    for topic in ("/cam/image", "/cam/depth_image", "/cam/points", "/scan/points"):
+        assert read[topic] == rollout.sensor_messages[topic]
+    scan, written = read["/scan"][2], rollout.sensor_messages["/scan"][2]
+    np.testing.assert_allclose(scan.ranges, written.ranges, rtol=1e-6)
+    info, wanted = read["/cam/camera_info"][0], rollout.sensor_messages
+    np.testing.assert_allclose(info.k, wanted["/cam/camera_info"][0].k, rtol=1e-12)
+
+
+def test_a_bag_has_the_types_that_others_read(
+    simulation: ad.Simulation, tmp_path: Path
+) -> None:
+    highlevel = pytest.importorskip("rosbags.highlevel")
+    simulation.rollout().save(tmp_path / "run.mcap")
+
+    with highlevel.AnyReader([tmp_path / "run.mcap"]) as reader:
+        types = {c.topic: (c.msgtype, c.msgcount) for c in reader.connections}
+        (connection,) = (c for c in reader.connections if c.topic == "/cam/image")
+        _, _, data = next(reader.messages([connection]))
+        picture = reader.deserialize(data, connection.msgtype)
+
+    assert types["/cam/image"] == ("sensor_msgs/msg/Image", 5)
+    assert types["/cam/camera_info"] == ("sensor_msgs/msg/CameraInfo", 5)
+    assert types["/cam/points"] == ("sensor_msgs/msg/PointCloud2", 5)
+    assert types["/scan"] == ("sensor_msgs/msg/LaserScan", 5)
+    assert (picture.height, picture.width, picture.encoding) == (48, 64, "rgb8")
+    first = simulation.rollout().sensor_messages["/cam/image"][0]
+    assert picture.data.tobytes() == first.data
+
+
+def test_a_recorder_writes_each_once(tmp_path: Path) -> None:
+    robot = load(more=f"<update_rate>{RATE:g}</update_rate><topic>scan</topic>")
+    options = ad.SimulationOptions(log_images=("front",))
+    simulation = ad.Simulation(ad.build_diagram(robot, options=options))
+    simulation.advance_to(0.12)
+    with simulation.record_to(tmp_path / "run.mcap", history=0.5):
+        simulation.advance_to(3.01)
+    read = ad.Rollout.load(tmp_path / "run.mcap").sensor_messages["/scan"]
+
+    times = [message.header.stamp.to_seconds() for message in read]
+    np.testing.assert_allclose(times, np.arange(3, 61) / RATE, atol=1e-9)
+    # What is written doesn't stay for ever.
+    assert len(simulation.rollout().sensor_messages["/scan"]) < len(times)
+    simulation.reset()
+    assert not any(simulation.rollout().sensor_messages.values())
+
+
+def test_nobody_asks_nothing_is_kept(simulation: ad.Simulation) -> None:
+    robot = next(iter(simulation.robots.values()))
+    plain = ad.Simulation(ad.build_diagram(robot))
+    plain.advance_to(0.1)
+
+    assert plain.rollout().sensor_messages == {}
+    with pytest.raises(InputError, match=r"no camera or lidar 'can'.*'cam'"):
+        ad.build_diagram(robot, options=ad.SimulationOptions(log_images=("can",)))
+    with pytest.raises(InputError, match="expected names of cameras and lidars"):
+        ad.SimulationOptions(log_images="cam")
