@@ -191,6 +191,9 @@ def _speed_of(message: Sent) -> float | None:
 def _end(step: MotionStep, factors: Iterable[tuple[float, float]]) -> float:
     """Return when a step is done [s], given its controller's changes of speed."""
     message = step.message
+    if isinstance(message, TopicMessage) and isinstance(message.data, Mapping):
+        length = message.data.get("time_range", 0.0)
+        return step.at + (length if isinstance(length, int | float) else 0.0)
     if isinstance(message, TopicMessage):
         message = message.data if isinstance(message.data, JointTrajectory) else None
     elif isinstance(message, FollowJointTrajectoryGoal):

@@ -707,6 +707,9 @@ class SimulatedRobots:
         self._live = live
         self._goal: GoalHandle | None = None
 
+        # The robot that is sent positions, and no goal.
+        self._moving = ""
+
     @property
     def robots(self) -> Mapping[str, Robot]:
         """The robots by name."""
@@ -741,17 +744,26 @@ class SimulatedRobots:
     def execute(self, plan: "Plan") -> str:
         """Send a plan to its controller."""
         self._goal = self._live.simulation.send_planned(plan)
-        return f"executing: {self._goal.controller}"
+        self._moving = "" if self._goal else plan.robot.name
+        return f"executing: {self._goal.controller if self._goal else self._moving}"
 
     def stop(self) -> str:
         """Cancel what was sent."""
+        simulation = self._live.simulation
+        if self._moving:
+            simulation.stop_planned(self._moving)
+            self._moving = ""
+            return "cancelled"
         if self._goal is None or self._goal.status.is_terminal:
             return "stopped"
-        self._live.simulation.controller(self._goal.controller).cancel()
+        simulation.controller(self._goal.controller).cancel()
         return "cancelled"
 
     def progress(self) -> str:
         """Say how the goal ended, once."""
+        if self._moving and self._live.simulation.rests(self._moving):
+            self._moving = ""
+            return "executed"
         if self._goal is None or not self._goal.status.is_terminal:
             return ""
         goal, self._goal = self._goal, None
