@@ -18,6 +18,7 @@ def test_there_are_notebooks():
         "05_bring_your_own_robot",
         "06_gripper_and_contact",
         "07_many_rollouts",
+        "08_planning",
         "12_roslibpy",
         "13_study",
         "14_tune_and_analyze",

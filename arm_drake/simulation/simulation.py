@@ -674,14 +674,10 @@ class Simulation:
 
     def check_plan(self, message: PlanTo) -> None:
         """Raise InputError if no plan can be made, or no controller takes it."""
-        from arm_drake.planning.groups import find_group, find_state
-        from arm_drake.simulation.task_space import find_receiver
+        from arm_drake.simulation.task_space import check_plan
 
         manager = self.directory.manager(message.robot)
-        group = find_group(manager.robot, message.options.get("group"))
-        if isinstance(message.to, str):
-            find_state(group, message.to)
-        self.controller(f"{manager.prefix}{find_receiver(manager.robot, group)}")
+        self.controller(f"{manager.prefix}{check_plan(manager.robot, message)}")
 
     def send_plan(self, message: PlanTo, *, where: str) -> bool:
         """Plan and send a motion, unless the robot moves; return whether it rested.
@@ -689,12 +685,13 @@ class Simulation:
         What can't be planned is among `rejected`.
         """
         from arm_drake.planning.motion_planning import plan
+        from arm_drake.simulation.task_space import plan_options
 
         name = self.directory.manager(message.robot).robot.name
         if not self.rests(name):
             return False
         try:
-            found = plan(self, message.to, name=name, **message.options)
+            found = plan(self, message.to, name=name, **plan_options(message))
         except ArmDrakeError as error:
             self.mailbox.reject(message, str(error), where)
         else:

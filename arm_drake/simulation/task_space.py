@@ -15,7 +15,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from arm_drake.description.robot import Robot
-from arm_drake.errors import InputError
+from arm_drake.errors import InputError, suggest
 from arm_drake.messages import JointTrajectory, JointTrajectoryPoint, Message
 from arm_drake.messages.base import to_message
 from arm_drake.planning.groups import (
@@ -28,9 +28,11 @@ from arm_drake.planning.groups import (
     require_controller,
 )
 from arm_drake.planning.inverse_kinematics import NoSolution, solve_ik
+from arm_drake.planning.orientation_constraint import OrientationConstraint
 from arm_drake.simulation.clients import ControllerHandle, TopicHandle
 from arm_drake.simulation.directory import Directory
 from arm_drake.simulation.mailbox import GoalHandle, Mailbox
+from arm_drake.simulation.motion import PlanTo
 
 if TYPE_CHECKING:
     from arm_drake.planning.motion_planning import Plan
@@ -132,6 +134,29 @@ def find_receiver(robot: Robot, group: PlanningGroup) -> str:
     if find_controller(robot, group) is None and forward is not None:
         return forward[0]
     return require_controller(robot, group)
+
+
+def check_plan(robot: Robot, message: PlanTo) -> str:
+    """Return the controller that takes a plan, or raise InputError if there is none."""
+    group = find_group(robot, message.options.get("group"))
+    for state in message.to:
+        if isinstance(state, str):
+            find_state(group, state)
+    constraint = plan_options(message).get("path_constraint")
+    links = robot.description.links
+    if constraint is not None and constraint.link_name not in links:
+        hint = suggest(constraint.link_name, links)
+        raise InputError(f"upright: no link {constraint.link_name!r}; {hint}")
+    return find_receiver(robot, group)
+
+
+def plan_options(message: PlanTo) -> dict[str, Any]:
+    """Return the options of `plan` that a step of a motion gives."""
+    options = dict(message.options)
+    upright = options.pop("upright", None)
+    if upright is not None:
+        options["path_constraint"] = OrientationConstraint(*upright)
+    return options
 
 
 def send_planned(simulation: Simulated, plan: "Plan", where: str) -> GoalHandle | None:
