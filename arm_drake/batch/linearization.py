@@ -69,6 +69,7 @@ def linearize(
     *,
     options: SimulationOptions | None = None,
     region_tolerance: float | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
 ) -> LinearModel:
     """Return the linear model of a robot with its controllers, around a state.
 
@@ -84,6 +85,7 @@ def linearize(
         options: How a robot is simulated, with its delays, without its noise.
         region_tolerance: How far responses may be off the simulation's, of their
             height, for `LinearModel.region`; None asks for none.
+        progress: Is told what is done, how many parts of it are, and of how many.
 
     Raises:
         InputError: If there is no physics, no joint that is driven, or no such pose.
@@ -93,15 +95,16 @@ def linearize(
         raise InputError(f"at is for a robot; a {kind} is taken where it is")
     if options is not None and not isinstance(what, Robot):
         raise InputError("options are for a robot; give them to build_diagram")
+    tell = progress or (lambda _what, _done, _total: None)
     if isinstance(what, Simulation):
-        loop = _Loop(what)
+        loop = _Loop(what, tell)
         at_rest = loop.is_at_rest()
     else:
         if isinstance(what, Robot):
             # Noise only adds to the state: there is none in a model of it.
             chosen = dc.replace(options or SimulationOptions(), state_noise={})
             what = build_diagram(_placed(what, at), options=chosen)
-        loop = _Loop(Simulation(what))
+        loop = _Loop(Simulation(what), tell)
         at_rest = loop.settle()
     model = loop.linearize(at_rest)
     if region_tolerance is not None:
@@ -146,7 +149,10 @@ class _Differences(NamedTuple):
 class _Loop:
     """A simulation that can be run again from the state that it has."""
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(
+        self, simulation: Simulation, tell: Callable[[str, int, int], None]
+    ) -> None:
+        self._tell_progress = tell
         self.simulation = simulation
         self._plant = simulation.plant
         self._manager = simulation.directory.manager(None)
@@ -242,7 +248,8 @@ class _Loop:
         ticks = max(2, round(_REGION_TIME / self._period))
         nothing = self._run(self._joints[0], 0.0, ticks)
         found = {}
-        for joint in model.commanded:
+        for done, joint in enumerate(model.commanded):
+            self._tell_progress("steps of joints", done, len(model.commanded))
             row = model.joints.index(joint)
             unit = model.step_response(joint, ticks)[:, row]
 
@@ -356,6 +363,7 @@ class _Loop:
         size = len(x)
         A, outputs = np.zeros((size, size)), np.zeros((2, len(self._joints), size))
         for index in range(size):
+            self._tell_progress("differences of states", index, size)
             step = _STEP * max(1.0, abs(x[index]))
             A[:, index] = slope(functools.partial(moved, index), step)
             ends = [
@@ -453,10 +461,11 @@ class _Numbers:
     ) -> None:
         self._manager = manager
         groups = list(_name_groups(diagram, diagram.GetMyContextFromRoot(start), ""))
-        sizes = [size for _, size in groups]
-        self._num_discrete = sum(sizes)
-        self._ends = np.cumsum([0, *sizes])
-        self.names = [f"{name}[{i}]" for name, size in groups for i in range(size)]
+        self._ends = np.cumsum([0, *(size for _, size in groups)])
+        names = [f"{name}[{i}]" for name, size in groups for i in range(size)]
+        # An interface that nobody commands holds NaN: it says nothing of a motion.
+        self._discrete = np.flatnonzero(np.isfinite(_discrete_values(start)))
+        self.names = [names[index] for index in self._discrete]
         state = manager.read_state(manager.GetMyContextFromRoot(start))
         own = {name for name, controller in _commanding(manager)}
         ticks = {name: tick for name, tick in state.ticks.items() if name in own}
@@ -477,26 +486,24 @@ class _Numbers:
 
     def read(self, context: Context) -> Array:
         """Return all numbers, shape (N,)."""
-        discrete = context.get_discrete_state()
-        parts = [
-            discrete.get_vector(group).value() for group in range(discrete.num_groups())
-        ]
         value = self._manager.read_state(self._manager.GetMyContextFromRoot(context))
         arrays, rest = {}, []
         for path, index in self._places:
             if path not in arrays:
                 arrays[path] = np.asarray(_at(value, path), dtype=float)
             rest.append(arrays[path].flat[index])
-        return np.concatenate([*parts, np.array(rest)])
+        numbers = _discrete_values(context)[self._discrete]
+        return np.concatenate([numbers, np.array(rest)])
 
     def write(self, context: Context, index: int, value: float) -> None:
         """Set one number."""
-        if index < self._num_discrete:
-            group = int(np.searchsorted(self._ends, index, side="right")) - 1
+        if index < len(self._discrete):
+            place = int(self._discrete[index])
+            group = int(np.searchsorted(self._ends, place, side="right")) - 1
             vector = context.get_mutable_discrete_state().get_mutable_vector(group)
-            vector.SetAtIndex(index - int(self._ends[group]), value)
+            vector.SetAtIndex(place - int(self._ends[group]), value)
             return
-        path, place = self._places[index - self._num_discrete]
+        path, place = self._places[index - len(self._discrete)]
         mine = self._manager.GetMyMutableContextFromRoot(context)
         state = self._manager.read_state(mine)
         old = _at(state, path)
@@ -505,6 +512,13 @@ class _Numbers:
             new = old.copy()
             new.flat[place] = value
         self._manager.write_state(mine, _with(state, path, new))
+
+
+def _discrete_values(context: Context) -> Array:
+    """Return the whole discrete state, shape (N,)."""
+    state = context.get_discrete_state()
+    groups = [state.get_vector(group).value() for group in range(state.num_groups())]
+    return np.concatenate([np.empty(0), *groups])
 
 
 def _commanding(manager: ControllerManager) -> Iterator[tuple[str, Any]]:

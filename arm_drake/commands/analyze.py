@@ -3,6 +3,8 @@
 import argparse
 import json
 import math
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,9 @@ _TOLERANCE = 0.05
 
 # So many poles are listed.
 _MAX_POLES = 20
+
+# What is nearer to a limit lies on it [rad, m].
+_AT_LIMIT = 1e-4
 
 # Exit codes.
 _STABLE, _UNSTABLE = 0, 1
@@ -47,7 +52,10 @@ def run_analyze(options: argparse.Namespace, robot: Robot) -> int:
             command_delay=options.command_delay,
         ),
         region_tolerance=_TOLERANCE,
+        progress=_show_progress if sys.stderr.isatty() else None,
     )
+    if sys.stderr.isatty():
+        sys.stderr.write("\r\033[K")
     if options.plot is not None:
         _plot(options.plot, model)
     if options.json:
@@ -57,6 +65,11 @@ def run_analyze(options: argparse.Namespace, robot: Robot) -> int:
         if options.plot is not None:
             print(f"plot: {options.plot}")
     return _STABLE if model.is_stable else _UNSTABLE
+
+
+def _show_progress(what: str, done: int, total: int) -> None:
+    sys.stderr.write(f"\r\033[K{what}: {done} of {total}")
+    sys.stderr.flush()
 
 
 def to_json(robot: Robot, model: LinearModel) -> dict[str, Any]:
@@ -120,9 +133,24 @@ def to_text(robot: Robot, model: LinearModel) -> str:
         lines.append(f"{value:>22}  {frequency:>9}  {damping:>8}  {pole.joint}")
     if len(poles) > _MAX_POLES:
         lines.append(f"and {len(poles) - _MAX_POLES} faster ones")
+    lines += [
+        f"{name} rests at its limit: its figures are those of the stop"
+        for name in _at_limits(robot, model)
+    ]
     verdict = "stable" if model.is_stable else "UNSTABLE"
     sampled = f"sampled at {1.0 / model.period:g} Hz"
     return "\n".join([*lines, f"{robot.name}: {verdict}, {sampled}"])
+
+
+def _at_limits(robot: Robot, model: LinearModel) -> Iterator[str]:
+    """Yield the joints that a limit of their range carries."""
+    for joint in robot.description.movable_joints:
+        if (position := model.positions.get(joint.name)) is not None:
+            lower, upper = joint.limits.lower, joint.limits.upper
+            if (lower is not None and position < lower + _AT_LIMIT) or (
+                upper is not None and position > upper - _AT_LIMIT
+            ):
+                yield joint.name
 
 
 def _margins(margins: Margins) -> tuple[float, float]:

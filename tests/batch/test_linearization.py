@@ -1,6 +1,7 @@
 """Linear models against closed forms, python-control, and the simulation itself."""
 
 import cmath
+import dataclasses as dc
 import json
 import math
 import re
@@ -11,6 +12,7 @@ import pytest
 
 import arm_drake as ad
 from arm_drake import cli
+from arm_drake.commands import analyze
 from arm_drake.errors import InputError
 from tests.models import LIFT, MASS, TWO_LINKS, load, trajectory_controllers
 
@@ -208,6 +210,33 @@ def test_a_pose_that_is_none_is_told(lift, at, message) -> None:
 def test_what_has_no_physics_is_refused(lift) -> None:
     with pytest.raises(InputError, match="no physics"):
         ad.linearize(lift, options=ad.SimulationOptions(preset="kinematic"))
+
+
+def test_an_interface_that_nobody_commands_takes_no_part(tmp_path, model) -> None:
+    urdf = LIFT.replace('name="position"/>', 'name="effort"/>', 1)
+    light = """<gpio name="light"><command_interface name="on"/>
+      <state_interface name="on"/></gpio></ros2_control>"""
+    more = urdf.replace("</ros2_control>", light)
+    assert more != urdf
+
+    found = ad.linearize(load(tmp_path, more, PID), options=WEIGHTLESS)
+
+    assert np.isfinite(found.A).all()
+    assert [pole.z for pole in found.poles] == [pole.z for pole in model.poles]
+
+
+def test_a_joint_that_rests_at_its_limit_is_told(tmp_path) -> None:
+    urdf = LIFT.replace('lower="-1"', 'lower="0"')
+    robot = load(tmp_path, urdf, trajectory_controllers({"arm": ["slide"]}))
+    told: list[tuple[str, int, int]] = []
+
+    model = ad.linearize(robot, progress=lambda *done: told.append(done))
+
+    line = "slide rests at its limit: its figures are those of the stop"
+    shown = analyze.to_text(robot, dc.replace(model, region={"slide": 0.0}))
+    assert line in shown.splitlines()
+    count = len(told) // 2  # Over a period, and over a step of the servo in it.
+    assert told == 2 * [("differences of states", k, count) for k in range(count)]
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ What must be seen follows from the robot's measures and a pinhole camera.
 """
 
 import concurrent.futures
+import contextlib
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -50,6 +51,10 @@ BLOCK, CLOSED = (0.3, 0.1), 0.2
 
 # What is seen of a box is its front and one side, whose middle is not the box's.
 AWAY = 20.0  # pixels
+
+Drag = Callable[
+    [Screen, tuple[float, float], float], contextlib.AbstractContextManager[None]
+]
 
 PERIOD = 0.01
 
@@ -536,19 +541,49 @@ def test_two_browsers_show_the_same_simulation(
         assert is_near(middle(red(picture)), middle_of_arm(ELBOW, UPPER, 0.5))
 
 
+@contextlib.contextmanager
+def mouse_drag(
+    screen: Screen, start: tuple[float, float], right: float
+) -> Iterator[None]:
+    """Drag by the mouse, with Shift; it is let go at the end."""
+    mouse, keyboard = screen.page.mouse, screen.page.keyboard
+    mouse.move(*start)
+    keyboard.down("Shift")
+    mouse.down()
+    mouse.move(start[0] + right, start[1], steps=5)
+    keyboard.up("Shift")
+    yield
+    mouse.up()
+
+
+@contextlib.contextmanager
+def finger_drag(
+    screen: Screen, start: tuple[float, float], right: float
+) -> Iterator[None]:
+    """Drag by a finger, which has no Shift: a switch says so; it goes up at the end."""
+    screen.page.locator("summary", has_text="Pull and push").click()
+    screen.click("hands:drag")
+    browser = screen.page.context.new_cdp_session(screen.page)
+
+    def touch(kind: str, *x: float) -> None:
+        points = [{"x": each, "y": start[1]} for each in x]
+        browser.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    touch("touchStart", start[0])
+    for part in range(1, 6):
+        touch("touchMove", start[0] + right * part / 5.0)
+    yield
+    touch("touchEnd")
+
+
+@pytest.mark.parametrize("drag", [mouse_drag, finger_drag])
 def test_a_link_that_is_dragged_is_pulled_and_the_camera_stays(
-    program: Live, screen: Screen
+    program: Live, screen: Screen, drag: Drag
 ) -> None:
     screen.click("play")
     column, row = map(float, middle_of_arm(ELBOW, UPPER, 0.0))
     scene = screen.page.locator("#scene").bounding_box()
     assert scene is not None
-    mouse, keyboard = screen.page.mouse, screen.page.keyboard
-    mouse.move(scene["x"] + column, scene["y"] + row)
-    keyboard.down("Shift")
-    mouse.down()
-    mouse.move(scene["x"] + column + 100.0, scene["y"] + row, steps=5)
-    keyboard.up("Shift")
 
     def pulled() -> float:
         text = screen.widget("hands:pulling").locator(".value").text_content()
@@ -559,12 +594,10 @@ def test_a_link_that_is_dragged_is_pulled_and_the_camera_stays(
     depth = (1.5 - front) / 1.5
     meters = depth * 100.0 / float(pixel(1.0, 0.5)[0] - pixel(0.0, 0.5)[0])
     expected = 400.0 * meters
-    try:
+    meshcat = program.page.meshcat
+    with drag(screen, (scene["x"] + column, scene["y"] + row), 100.0):
         screen.until(lambda: abs(pulled() - expected) < 0.05 * expected, "the force")
-        meshcat = program.page.meshcat
         assert program.ask(lambda: meshcat.HasPath("/hands/spring"))
-    finally:
-        mouse.up()
     screen.until(lambda: pulled() == 0.0, "it is let go")
 
     picture = screen.picture(pause(program))
