@@ -20,6 +20,14 @@ from arm_drake.plant.joint_ranges import joint_ranges
 from tests.benchmarks.inverse_kinematics import load
 from tests.benchmarks.planning import RANGE, ROBOTS, make_boxes
 
+# By name, with a trajectory controller: how large a scene is.
+ARMS = {
+    "doosan_a0912": ROBOTS["doosan_a0912"],
+    "example:ur5_robot": ROBOTS["example:ur5_robot"],
+    "example:panda": ROBOTS["example:panda"],
+    "mycobot_280_ros2_control": ROBOTS["mycobot_280"],
+}
+
 # Rounds in one scene.
 IN_A_SCENE = 25
 
@@ -70,7 +78,7 @@ def measure(name: str, rounds: int) -> str:
     done = found = succeeded = touched = scene = 0
     while done < rounds:
         robot = load(name)
-        scale = ROBOTS[name]
+        scale = ARMS[name]
         boxes = make_boxes(np.random.default_rng(100 + scene), scale)
         scene += 1
         joints = ad.planning_groups(robot)
@@ -119,7 +127,7 @@ def main() -> int:
     """Print a line for each robot."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=250)
-    parser.add_argument("--robots", nargs="*", default=list(ROBOTS))
+    parser.add_argument("--robots", nargs="*", default=list(ARMS))
     options = parser.parse_args()
     for name in options.robots:
         try:
