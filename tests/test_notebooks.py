@@ -18,6 +18,7 @@ def test_there_are_notebooks():
         "05_bring_your_own_robot",
         "06_gripper_and_contact",
         "07_many_rollouts",
+        "08_planning",
         "10_pick_and_place",
         "11_an_environment",
         "12_roslibpy",

@@ -51,7 +51,8 @@ def test_a_command_runs(
         # What is about the page needs one, without anybody who looks.
         is_page = any(word in words for word in ("--curve", "--keyboard"))
         words += ["--no-open"] if is_page else ["--headless"]
-        words += ["--duration", str(DURATION)]
+        # Each plan waits for the one before.
+        words += ["--duration", "6" if "plan_to_poses" in words else str(DURATION)]
     if words[0] == "view" or (words[0] == "launch" and "--headless" not in words):
         # Without a browser: what it shows can be loaded, and the pose is one.
         words = [*words, "--json"]

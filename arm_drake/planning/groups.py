@@ -13,6 +13,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from arm_drake import yaml_files
+from arm_drake.description.controllers import ControllerConfig
 from arm_drake.description.joints import joints_above, last_master
 from arm_drake.description.robot import Robot
 from arm_drake.description.srdf import find_group_states, find_groups, find_srdf_files
@@ -86,12 +87,14 @@ def _find_groups(robot: Robot) -> dict[str, PlanningGroup]:
         groups[group.name] = group.joints, group.tip
         grippers |= set(group.joints if group.is_end_effector else ())
     for controller in robot.controllers.controllers:
-        parameter = controller.parameters.get("joints")
-        if controller.type == _TRAJECTORY_CONTROLLER and parameter is not None:
-            names = parameter.value if isinstance(parameter.value, list) else []
-            named = tuple(name for name in names if name in own)
-            if named:
-                groups.setdefault(controller.name, (named, None))
+        named = tuple(n for n in _joints_of(controller) if n in own)
+        if controller.type == _TRAJECTORY_CONTROLLER and named:
+            groups.setdefault(controller.name, (named, None))
+    if not groups:
+        for controller in robot.controllers.controllers:
+            named = tuple(n for n in _joints_of(controller) if n in own)
+            if _takes_positions(controller) and named:
+                groups[controller.name] = named, None
     if not groups and own:
         for label, members in ((ARM, own - grippers), (GRIPPER, own & grippers)):
             if members:
@@ -140,14 +143,20 @@ def find_state(group: PlanningGroup, name: str) -> Mapping[str, float]:
 def find_controller(robot: Robot, group: PlanningGroup) -> str | None:
     """Return the name of the trajectory controller of exactly a group's joints."""
     for controller in robot.controllers.controllers:
-        parameter = controller.parameters.get("joints")
-        has_joints = parameter is not None and isinstance(parameter.value, list)
-        if (
-            has_joints
-            and controller.type.endswith("JointTrajectoryController")
-            and set(map(str, parameter.value)) == set(group.joints)  # type: ignore[union-attr]
-        ):
+        is_one = controller.type.endswith("JointTrajectoryController")
+        if is_one and set(_joints_of(controller)) == set(group.joints):
             return controller.name
+    return None
+
+
+def find_position_controller(
+    robot: Robot, group: PlanningGroup
+) -> tuple[str, tuple[str, ...]] | None:
+    """Return a controller that takes positions of a group's joints, and their order."""
+    for controller in robot.controllers.controllers:
+        joints = _joints_of(controller)
+        if _takes_positions(controller) and set(joints) == set(group.joints):
+            return controller.name, joints
     return None
 
 
@@ -162,6 +171,20 @@ def require_controller(robot: Robot, group: PlanningGroup) -> str:
             f"{quoted(names) or 'none'}"
         )
     return controller
+
+
+def _joints_of(controller: ControllerConfig) -> tuple[str, ...]:
+    parameter = controller.parameters.get("joints")
+    is_list = parameter is not None and isinstance(parameter.value, list)
+    return tuple(map(str, parameter.value)) if is_list else ()  # type: ignore[union-attr]
+
+
+def _takes_positions(controller: ControllerConfig) -> bool:
+    if controller.type == "position_controllers/JointGroupPositionController":
+        return True
+    parameter = controller.parameters.get("interface_name")
+    is_position = parameter is not None and parameter.value == "position"
+    return is_position and controller.type.endswith("/ForwardCommandController")
 
 
 def motion_limits(robot: Robot) -> dict[str, MotionLimits]:

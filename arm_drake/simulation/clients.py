@@ -123,6 +123,23 @@ class ControllerHandle:
         port, message = self._topics.make_command(values, values_dot)
         self._send(port, message, where)
 
+    def schedule_commands(self, rows: Iterable[tuple[float, Sequence[float]]]) -> None:
+        """Have commands sent when it is their time, in place of others that wait.
+
+        Args:
+            rows: Simulated times [s], and values as those of `command`.
+
+        Raises:
+            InputError: If the controller takes none, others, or so many.
+        """
+        made = [(at, *self._topics.make_command(values)) for at, values in rows]
+        for port in dict.fromkeys(port for _, port, _ in made):
+            messages = [(at, message) for at, _, message in made]
+            period = 1.0 / self._system.params.update_rate
+            exported = self._topics.exported_as(port)
+            self._mailbox.schedule(exported, messages, period)
+        self._mailbox.publish_due(self._mailbox.time)
+
     def send_goal(
         self, goal: Goal | JointTrajectory | GripperCommand, *, where: str = ""
     ) -> GoalHandle:
@@ -346,6 +363,17 @@ class TopicHandle:
             if where:
                 self._mailbox.add_message(message, where)
             self._mailbox.publish(name, message, periods[name])
+
+    def call(self, data: Any) -> Any:
+        """Ask for something and return the answer, where the name is a request's.
+
+        Args:
+            data: The request, or a mapping of its fields.
+
+        Raises:
+            InputError: If it can't be, or the name is that of a topic.
+        """
+        raise InputError(f"{self.name!r} is a topic, which gives no answer; publish")
 
     def value(self) -> Any:
         """Return the latest message that was published on the topic.

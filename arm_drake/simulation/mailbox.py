@@ -1,5 +1,6 @@
 """Messages into a running diagram, its events, and the handles of goals."""
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple, TypeAlias
 
@@ -32,7 +33,6 @@ from arm_drake.messages import (
     TopicRejected,
 )
 from arm_drake.rollout.rollout import ClientInput
-from arm_drake.simulation.motion import Task
 from arm_drake.simulation.topics import describe_grip
 
 
@@ -189,6 +189,10 @@ class Mailbox:
             str, tuple[float, float, MessageBatch, list[Message]]
         ] = {}
 
+        # What is to be put on ports, and when [s], the next one first.
+        self.waiting: dict[str, list[tuple[float, Message]]] = {}
+        self._periods: dict[str, float] = {}
+
         # Goals, and other messages with the place that they come from, by their id.
         self._handles: dict[int, GoalHandle] = {}
         self._places: dict[int, tuple[Message, str]] = {}
@@ -274,6 +278,28 @@ class Mailbox:
         self._published[port] = (time, period, batch, messages)
         input_port.FixValue(context, _Value(batch))
 
+    def schedule(
+        self, port: str, messages: Iterable[tuple[float, Message]], period: float
+    ) -> None:
+        """Put messages on a port when it is their time [s]; no others that wait are."""
+        # The last one comes first, to be taken off the end.
+        self.waiting[port] = sorted(messages, key=lambda each: -each[0])
+        self._periods[port] = period
+
+    def forget_waiting(self, prefix: str) -> None:
+        """Put nothing that waits on ports whose names begin so."""
+        for port in [name for name in self.waiting if name.startswith(prefix)]:
+            del self.waiting[port]
+
+    def publish_due(self, time: float) -> float:
+        """Put on ports what is due at a time [s]; return when to be called next."""
+        for port, messages in tuple(self.waiting.items()):
+            while messages and messages[-1][0] <= time:
+                self.publish(port, messages.pop()[1], self._periods[port])
+            if not messages:
+                del self.waiting[port]
+        return min((rows[-1][0] for rows in self.waiting.values()), default=math.inf)
+
     def eval_output(self, port: str) -> Any:
         """Return the present value of an output port of the diagram."""
         return self.diagram.GetOutputPort(port).Eval(self.simulator.get_context())
@@ -344,7 +370,7 @@ class Mailbox:
             place = self._place(event.request)
             return f"{place}{name}{MANAGER}: switch refused: {event.message}"
         kind = _KINDS.get(type(event.message), "message")
-        if isinstance(event.message, Task):
+        if not name:  # No controller got it.
             return f"{self._place(event.message)}{event.reason}"
         return f"{self._place(event.message)}{name}: {kind} refused: {event.reason}"
 

@@ -52,8 +52,8 @@ class SetPayloads(NamedTuple):
 class PlanTo(Message):
     """A motion that is planned when it is due, and sent to the group's controller."""
 
-    # Name of a state, joint positions [rad] or [m], or a pose.
-    to: str | Mapping[str, float] | tuple[float, ...]
+    # Names of states, joint positions [rad] or [m], or poses, one after the other.
+    to: tuple[str | Mapping[str, float] | tuple[float, ...], ...]
 
     # Which robot; None is the first one.
     robot: str | None = None
@@ -207,6 +207,9 @@ def _speed_of(message: Sent) -> float | None:
 def _end(step: MotionStep, factors: Iterable[tuple[float, float]]) -> float:
     """Return when a step is done [s], given its controller's changes of speed."""
     message = step.message
+    if isinstance(message, TopicMessage) and isinstance(message.data, Mapping):
+        length = message.data.get("time_range", 0.0)
+        return step.at + (length if isinstance(length, int | float) else 0.0)
     if isinstance(message, TopicMessage):
         message = message.data if isinstance(message.data, JointTrajectory) else None
     elif isinstance(message, FollowJointTrajectoryGoal):
@@ -326,6 +329,7 @@ class Fields:
 
 # What a plan leads to, and how it may be; with the type of each.
 PLAN_GOALS = ("state", "positions", "pose")
+THROUGH, UPRIGHT = "through", "upright"
 PLAN_OPTIONS: Mapping[str, type] = {
     "robot": str,
     "group": str,
@@ -369,28 +373,65 @@ FOLLOW_OPTIONS: Mapping[str, type | None] = {
 
 def read_plan_to(fields: Fields, value: Any, where: str) -> PlanTo:
     """Return where to plan to: a state, positions or a pose, and how."""
-    data = dict(fields.mapping(value, where, (*PLAN_GOALS, *PLAN_OPTIONS)))
+    known = (*PLAN_GOALS, THROUGH, UPRIGHT, *PLAN_OPTIONS)
+    data = dict(fields.mapping(value, where, known))
+    through = fields.list(data.pop(THROUGH, []), f"{where}.{THROUGH}")
+    found = []
+    for index, goal in enumerate(through):
+        place = f"{where}.{THROUGH}[{index}]"
+        found.append(
+            _read_goal(fields, dict(fields.mapping(goal, place, PLAN_GOALS)), place)
+        )
+    found.append(_read_goal(fields, data, where))
+    masks = {mask for _, mask in found if mask is not None}
+    if len(masks) > 1:
+        raise fields.error(where, "expected poses that are all x, y, z, or all six")
+    _check_options(fields, data, where, PLAN_OPTIONS)
+    robot = data.pop("robot", None)
+    options = data if masks <= {_WHOLE} else {**data, "mask": masks.pop()}
+    if UPRIGHT in options:
+        options["upright"] = _read_upright(
+            fields, options["upright"], f"{where}.{UPRIGHT}"
+        )
+    return PlanTo(tuple(goal for goal, _ in found), robot, options)
+
+
+# What counts of poses: all of them, or their positions.
+_WHOLE, _POINT = (True,) * 6, (True,) * 3 + (False,) * 3
+
+
+def _read_goal(
+    fields: Fields, data: dict[str, Any], where: str
+) -> tuple[Any, tuple[bool, ...] | None]:
+    """Take a goal out of a mapping; return it, and what counts of it if it's a pose."""
     goals = [key for key in PLAN_GOALS if key in data]
     if len(goals) != 1:
         expected = f"expected one of {', '.join(PLAN_GOALS)}"
         raise fields.error(where, f"{expected}; got {quoted(goals) or 'none'}")
     (kind,) = goals
-    place, to, mask = f"{where}.{kind}", data.pop(kind), None
+    place, to = f"{where}.{kind}", data.pop(kind)
     if kind == "pose":
-        to = fields.numbers(to, place)
-        if len(to) not in (3, 6):
-            expected = "expected x, y, z [m] or x, y, z, roll, pitch, yaw [m, rad]"
-            raise fields.error(place, f"{expected}, got {list(to)}")
-        if len(to) == 3:
-            to, mask = (*to, 0.0, 0.0, 0.0), (True,) * 3 + (False,) * 3
-    elif kind == "positions":
+        pose = _read_place_pose(fields, to, place)
+        return (pose, _WHOLE) if len(pose) == 6 else ((*pose, 0.0, 0.0, 0.0), _POINT)
+    if kind == "positions":
         names = fields.mapping(to, place)
-        to = {str(n): fields.number(v, f"{place}.{n}") for n, v in names.items()}
-    elif not isinstance(to, str):
+        return {
+            str(n): fields.number(v, f"{place}.{n}") for n, v in names.items()
+        }, None
+    if not isinstance(to, str):
         raise fields.error(place, f"expected a name, got {to!r}")
-    _check_options(fields, data, where, PLAN_OPTIONS)
-    robot = data.pop("robot", None)
-    return PlanTo(to, robot, data if mask is None else {**data, "mask": mask})
+    return to, None
+
+
+def _read_upright(fields: Fields, value: Any, where: str) -> tuple[str, float]:
+    """Return a link and how far it may tilt [rad]."""
+    data = fields.mapping(value, where)
+    if len(data) != 1:
+        raise fields.error(where, f"expected one link and its angle, got {value!r}")
+    ((link, angle),) = data.items()
+    if not isinstance(link, str):
+        raise fields.error(where, f"expected the name of a link, got {link!r}")
+    return link, fields.number(angle, f"{where}.{link}")
 
 
 def read_pick(fields: Fields, value: Any, where: str) -> PickThing:

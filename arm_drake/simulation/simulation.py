@@ -267,6 +267,9 @@ _GOAL_PATIENCE, _GOAL_PERIOD = 5.0, 0.02
 # Ticks between two looks at the controllers' news; they keep the latest 64.
 _TICKS_AT_A_TIME = 50
 
+# What a robot can be asked for by its name: `/<robot>/home`.
+TASK_SPACE = ("kinematics", "trajectory", "home")
+
 # How often shapes that overlapped at the start are looked at [s].
 _LOOK_PERIOD = 0.1
 
@@ -389,11 +392,17 @@ class Simulation:
         """Return what publishes on a topic, or reads it.
 
         Args:
-            name: Its name in ROS or Gazebo, as "/arm/joint_trajectory".
+            name: Its name in ROS or Gazebo, as "/arm/joint_trajectory"; or a request of
+                a robot, `/<robot>/kinematics`, `/<robot>/trajectory`, `/<robot>/home`.
 
         Raises:
             InputError: If there is no such topic.
         """
+        if isinstance(name, str) and name.rpartition("/")[2] in TASK_SPACE:
+            from arm_drake.simulation.task_space import find_request
+
+            if (request := find_request(self, name)) is not None:
+                return request
         return TopicHandle(self.mailbox, self._topics.find(name))
 
     def camera(self, name: str) -> "CameraHandle":
@@ -554,8 +563,11 @@ class Simulation:
             raise ValueError(f"can't go from {now} s to {time} s")
         while now < time:
             end = min(now + _TICKS_AT_A_TIME * self.period, time)
+            if self.mailbox.waiting:
+                slack = TICK_TOLERANCE * self.period
+                end = min(end, self.mailbox.publish_due(now + slack) - 0.5 * slack)
             if self.exchange is not None:
-                end = min(self.exchange(), self._next_exchange(now), time)
+                end = min(self.exchange(), self._next_exchange(now), end)
             if self._parted:
                 end = min(end, self._next_look(now))
             advance(self.simulator, end)
@@ -654,9 +666,9 @@ class Simulation:
         found = plan(self, to, name=name, **options)
         goal = self.send_planned(found)
         end = self.time + found.duration + _GOAL_PATIENCE
-        while not goal.status.is_terminal and self.time < end:
+        while goal and not goal.status.is_terminal and self.time < end:
             self.advance_to(self.time + _GOAL_PERIOD)
-        if goal.status is not GoalStatus.SUCCEEDED:
+        if goal and goal.status is not GoalStatus.SUCCEEDED:
             late = "" if goal.status.is_terminal else " after its trajectory's end"
             self.controller(goal.controller).cancel()
             raise SimulationError(f"{goal.controller}: goal {goal.describe()}{late}")
@@ -666,14 +678,10 @@ class Simulation:
 
     def check_plan(self, message: PlanTo) -> None:
         """Raise InputError if no plan can be made, or no controller takes it."""
-        from arm_drake.planning.groups import find_group, find_state, require_controller
+        from arm_drake.simulation.task_space import check_plan
 
         manager = self.directory.manager(message.robot)
-        group = find_group(manager.robot, message.options.get("group"))
-        if isinstance(message.to, str):
-            find_state(group, message.to)
-        name = f"{manager.prefix}{require_controller(manager.robot, group)}"
-        self.controller(name)
+        self.controller(f"{manager.prefix}{check_plan(manager.robot, message)}")
 
     def send_plan(self, message: PlanTo, *, where: str) -> bool:
         """Plan and send a motion, unless the robot moves; return whether it rested.
@@ -681,12 +689,13 @@ class Simulation:
         What can't be planned is among `rejected`.
         """
         from arm_drake.planning.motion_planning import plan
+        from arm_drake.simulation.task_space import plan_options
 
         name = self.directory.manager(message.robot).robot.name
         if not self.rests(name):
             return False
         try:
-            found = plan(self, message.to, name=name, **message.options)
+            found = plan(self, message.to, name=name, **plan_options(message))
         except ArmDrakeError as error:
             self.mailbox.reject(message, str(error), where)
         else:
@@ -698,8 +707,11 @@ class Simulation:
         self.mailbox.reject(message, reason, where)
         self.collect_events()
 
-    def send_planned(self, plan: "Plan", *, where: str = "") -> GoalHandle:
+    def send_planned(self, plan: "Plan", *, where: str = "") -> GoalHandle | None:
         """Send a plan to the trajectory controller of its group.
+
+        Where there is none but one that takes positions, it gets them one after the
+        other, and there is no goal: None.
 
         Args:
             plan: The plan of one of the robots, which is where it begins.
@@ -708,11 +720,13 @@ class Simulation:
         Raises:
             InputError: If no controller has exactly the group's joints.
         """
-        from arm_drake.planning.groups import require_controller
+        from arm_drake.simulation.task_space import send_planned
 
-        manager = self.directory.manager(plan.robot.name)
-        name = f"{manager.prefix}{require_controller(manager.robot, plan.group)}"
-        return self.controller(name).send_goal(plan.trajectory, where=where)
+        return send_planned(self, plan, where)
+
+    def stop_planned(self, robot: str | None = None) -> None:
+        """Send no more of the positions of plans that a robot waits for."""
+        self.mailbox.forget_waiting(self.directory.manager(robot).prefix)
 
     def rests(self, robot: str | None = None) -> bool:
         """Return whether no joint of a robot moves, and no goal makes one move."""
@@ -721,6 +735,7 @@ class Simulation:
         prefix = self.directory.manager(robot).prefix
         goals = (goal for goal in self.goals if goal.controller.startswith(prefix))
         is_busy = any(not goal.status.is_terminal for goal in goals)
+        is_busy |= any(port.startswith(prefix) for port in self.mailbox.waiting)
         return not is_busy and not find_moving(self.joint_states(robot))
 
     def link_poses(self, robot: str | None = None) -> dict[str, RigidTransform]:

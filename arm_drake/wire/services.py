@@ -25,8 +25,10 @@ from arm_drake.messages import (
     SetOdometry,
     SwitchController,
 )
+from arm_drake.planning.groups import find_group
 from arm_drake.simulation.clients import is_changeable, list_parameters
 from arm_drake.simulation.simulation import Simulation
+from arm_drake.simulation.task_space import find_receiver
 from arm_drake.wire.graph import SIMULATOR, STATES, Call, Graph, Service
 from arm_drake.wire.types import to_fields
 
@@ -84,6 +86,8 @@ def add_services(host: Host) -> None:
         for service in _ManagerServices(host, manager).services():
             graph.add_service(service)
         for service in _controller_services(simulation, manager):
+            graph.add_service(service)
+        for service in _task_space_services(simulation, manager):
             graph.add_service(service)
     parameters = Parameters(simulation)
     for node in parameters.nodes:
@@ -327,6 +331,31 @@ def _controller_services(
             call = functools.partial(_reset_odometry, simulation, name)
             path, type_ = f"/{name}/reset_odometry", "std_srvs/srv/Empty"
             yield Service(path, type_, f"/{name}", call, acts=True)
+
+
+def _task_space_services(
+    simulation: Simulation, manager: ControllerManager
+) -> Iterator[Service]:
+    """Yield what a robot whose arm has a controller for plans is asked for."""
+    robot = manager.robot
+    try:
+        find_receiver(robot, find_group(robot, None))
+    except InputError:
+        return
+    types = {
+        "kinematics": "centauri_interfaces/srv/KinematicGoal",
+        "home": "std_srvs/srv/SetBool",
+    }
+    for kind, type_ in types.items():
+        name = f"/{robot.name}/{kind}"
+        call = functools.partial(_ask, simulation, name)
+        yield Service(name, type_, f"/{robot.name}/kinematics_server", call, acts=True)
+
+
+def _ask(simulation: Simulation, name: str, call: Call) -> Fields:
+    result = simulation.topic(name).call(call.request)
+    fields: Fields = result._asdict()
+    return fields
 
 
 def _query_state(simulation: Simulation, controller: str, call: Call) -> Fields:

@@ -1,12 +1,17 @@
 """Plans: how many problems are solved, how long that takes, and whether they are free.
 
-A problem is five boxes and a table around a robot, and two free configurations whose
-straight line in joint space is blocked. It is taken only if it can be solved: else a
-search of ten seconds looks for a way. All that is returned is judged by pinocchio and
-coal, with the robot's own collision shapes, at each 5 mrad of the way: against boxes
-and against itself, but for links that an SRDF lets touch or that touch at both ends.
+A problem is a scene around a robot, and two free configurations whose straight line in
+joint space is blocked. Scenes are five boxes and a table; a shelf, with one end inside
+a compartment and the other outside; and the house's kitchen, the robot on its table.
+It is taken only if it can be solved: else a search of ten seconds looks for a way. All
+that is returned is judged by pinocchio and coal, with the robot's own collision shapes,
+at each 5 mrad of the way: against the scene and against itself, but for links that an
+SRDF lets touch or that touch at both ends. Times are the processor's. Lengths are those
+of the corners in joint space, ours beside those of OMPL's RRT-Connect with its own
+`simplifyMax` on the same model, where the search had something to go around.
 
     python -m tests.benchmarks.planning [--problems 100] [--robots NAME ...]
+        [--scenes boxes shelf kitchen]
 """
 
 import argparse
@@ -17,15 +22,20 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydrake.geometry import Box
+from pydrake.geometry import Box, Cylinder, SceneGraph, Shape, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+from pydrake.multibody.tree import BodyIndex
 
 import arm_drake as ad
 from arm_drake.description.report import LoadReport
 from arm_drake.description.srdf import find_disabled_collisions
 from arm_drake.errors import ArmDrakeError
+from arm_drake.planning.collisions import CollisionModel
+from arm_drake.planning.groups import find_group
+from arm_drake.planning.inverse_kinematics import complete_positions
 from arm_drake.plant.joint_ranges import joint_ranges
+from arm_drake.worlds.world import load_world
 from tests.benchmarks.inverse_kinematics import load
 
 # By name: how large a scene is beside the arm's reach of about a metre.
@@ -44,26 +54,23 @@ RANGE = 2.5
 
 
 class Scene(NamedTuple):
-    """Boxes: their sizes [m] and their poses."""
+    """Shapes, and their poses in the world."""
 
-    boxes: tuple[tuple[np.ndarray, RigidTransform], ...]
+    shapes: tuple[tuple[Shape, RigidTransform], ...]
 
     def add_to(self, plant: MultibodyPlant) -> None:
         """Add them to a plant."""
-        for index, (size, X_WB) in enumerate(self.boxes):
+        for index, (shape, X_WS) in enumerate(self.shapes):
+            friction = CoulombFriction(1.0, 1.0)
             plant.RegisterCollisionGeometry(
-                plant.world_body(),
-                X_WB,
-                Box(*size),
-                f"box_{index}",
-                CoulombFriction(1.0, 1.0),
+                plant.world_body(), X_WS, shape, f"shape_{index}", friction
             )
 
 
-def make_scene(rng: np.random.Generator, scale: float) -> Scene:
+def make_boxes(rng: np.random.Generator, scale: float) -> Scene:
     """Return a table below the robot's base, and five boxes."""
     table = (
-        np.array([3.0, 3.0, 0.1]) * scale,
+        Box(*(np.array([3.0, 3.0, 0.1]) * scale)),
         RigidTransform([0.0, 0.0, -0.1 * scale - 0.02]),
     )
     boxes = [table]
@@ -72,8 +79,87 @@ def make_scene(rng: np.random.Generator, scale: float) -> Scene:
         height = rng.uniform(0.1, 0.9) * scale
         place = [radius * np.cos(angle), radius * np.sin(angle), height]
         turn = RollPitchYaw(rng.uniform(-np.pi, np.pi, 3))
-        boxes.append((rng.uniform(0.1, 0.3, 3) * scale, RigidTransform(turn, place)))
+        size = rng.uniform(0.1, 0.3, 3) * scale
+        boxes.append((Box(*size), RigidTransform(turn, place)))
     return Scene(tuple(boxes))
+
+
+# A compartment of the shelf: its middle, and its depth, width and height, in scales.
+MIDDLE, SIZE = np.array([0.6, 0.0, 0.55]), np.array([0.3, 0.4, 0.35])
+
+
+def make_shelf(rng: np.random.Generator, scale: float) -> Scene:
+    """Return a shelf of two by three compartments, turned about the robot."""
+    depth, width, height = SIZE
+    board = 0.03
+    parts = [
+        ([depth, 2 * width + board, board], [0.0, 0.5 * width, level * height])
+        for level in (-1.5, -0.5, 0.5, 1.5)
+    ]
+    parts += [
+        ([depth, board, 3 * height], [0.0, side * width, 0.0])
+        for side in (-0.5, 0.5, 1.5)
+    ]
+    parts.append(
+        (
+            [board, 2 * width + board, 3 * height],
+            [0.5 * (depth + board), 0.5 * width, 0.0],
+        )
+    )
+    turn = RigidTransform(RollPitchYaw(0.0, 0.0, rng.uniform(-1.0, 1.0)), [0, 0, 0])
+    shapes = [
+        (
+            Box(*(scale * np.array(size))),
+            turn @ RigidTransform(scale * (MIDDLE + np.array(place))),
+        )
+        for size, place in parts
+    ]
+    return Scene(tuple(shapes))
+
+
+# Where a robot stands in the house: on the kitchen's table.
+KITCHEN = (6.8, 0.95, 0.8)
+
+
+def make_kitchen(rng: np.random.Generator, scale: float) -> Scene:
+    """Return what of the house is within reach, as seen by a robot on the table."""
+    plant, scene_graph = MultibodyPlant(1e-3), SceneGraph()
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    load_world("house", ()).add_to(plant)
+    plant.Finalize()
+    context, inspector = plant.CreateDefaultContext(), scene_graph.model_inspector()
+    X_RW = RigidTransform(
+        RollPitchYaw(0.0, 0.0, rng.uniform(-np.pi, np.pi)), KITCHEN
+    ).inverse()
+    shapes = []
+    for index in range(plant.num_bodies()):
+        body = plant.get_body(BodyIndex(index))
+        X_RB = X_RW @ plant.EvalBodyPoseInWorld(context, body)
+        for geometry in plant.GetCollisionGeometriesForBody(body):
+            shape = inspector.GetShape(geometry)
+            X_RS = X_RB @ inspector.GetPoseInFrame(geometry)
+            if isinstance(shape, Box | Cylinder | Sphere):
+                shapes.append((shape, RigidTransform(X_RS)))
+    return Scene(tuple(shapes))
+
+
+SCENES: dict[str, Callable[[np.random.Generator, float], Scene]] = {
+    "boxes": make_boxes,
+    "shelf": make_shelf,
+    "kitchen": make_kitchen,
+}
+
+
+def to_coal(shape: Shape) -> Any:
+    """Return coal's shape for one of Drake's."""
+    import coal
+
+    if isinstance(shape, Box):
+        return coal.Box(*shape.size())
+    if isinstance(shape, Cylinder):
+        return coal.Cylinder(shape.radius(), shape.length())
+    assert isinstance(shape, Sphere)
+    return coal.Sphere(shape.radius())
 
 
 class Judge:
@@ -101,14 +187,14 @@ class Judge:
 
     def prepare(self, scene: Scene) -> Any:
         """Return shapes of robot and scene, with the pairs that count."""
-        import coal
-
         pin, shapes = self._pin, self._shapes.copy()
-        for index, (size, X) in enumerate(scene.boxes):
+        for index, (shape, X) in enumerate(scene.shapes):
             place = pin.SE3(X.rotation().matrix(), X.translation())
-            box = pin.GeometryObject(f"box_{index}", 0, place, coal.Box(*size))
-            shapes.addGeometryObject(box)
+            name = f"shape_{index}"
+            shapes.addGeometryObject(pin.GeometryObject(name, 0, place, to_coal(shape)))
         for a, b in itertools.combinations(range(len(shapes.geometryObjects)), 2):
+            if a >= self._count:
+                break
             one, two = (shapes.geometryObjects[i].parentJoint for i in (a, b))
             adjacent = one == two or one in (self._model.parents[two],)
             adjacent |= two in (self._model.parents[one],)
@@ -154,19 +240,30 @@ class Judge:
         return True
 
 
-def find_problem(
-    robot: ad.Robot, rng: np.random.Generator, scale: float
-) -> tuple[Scene, dict[str, float], dict[str, float]]:
-    """Return a scene and two ends whose straight line is blocked."""
-    from arm_drake.planning.collisions import CollisionModel
-    from arm_drake.planning.groups import find_group
+class Problem(NamedTuple):
+    """A scene and two ends whose straight line is blocked."""
 
-    joints = find_group(robot, None).joints
+    scene: Scene
+    start: dict[str, float]
+    end: dict[str, float]
+
+    # Ours, and the ends of the joints that were sampled.
+    model: CollisionModel
+    low: np.ndarray
+    high: np.ndarray
+
+
+def find_problem(
+    robot: ad.Robot, rng: np.random.Generator, name: str, kind: str
+) -> Any:
+    """Return a problem of a kind."""
+    group, scale = find_group(robot, None), ROBOTS[name]
+    joints = group.joints
     ranges = {r.name: r for r in joint_ranges(robot.description)}
     low = np.array([max(ranges[n].lower, -RANGE) for n in joints])
     high = np.array([min(ranges[n].upper, RANGE) for n in joints])
     while True:
-        scene = make_scene(rng, scale)
+        scene = SCENES[kind](rng, scale)
         model = CollisionModel(
             robot,
             joints,
@@ -174,58 +271,170 @@ def find_problem(
             padding=0.006,
             positions=robot.initial_positions,
         )
-        free = [
-            x for x in rng.uniform(low, high, (60, len(joints))) if model.is_free(x)
-        ]
+        samples = rng.uniform(low, high, (2000 if kind == "shelf" else 60, len(joints)))
+        if kind == "shelf":
+            samples = _with_inside(robot, group.tip, joints, scene, scale, samples)
+        free = [x for x in samples if model.is_free(x)]
         for x, y in itertools.pairwise(free):
+            is_inside = [
+                _is_inside(robot, group.tip, joints, scene, scale, z) for z in (x, y)
+            ]
+            if kind == "shelf" and is_inside[0] == is_inside[1]:
+                continue
             if not model.is_edge_free(x, y, 0.05):
                 ends = [dict(zip(joints, map(float, e), strict=True)) for e in (x, y)]
-                return scene, ends[0], ends[1]
+                return Problem(scene, *ends, model, low, high)
 
 
-def measure(name: str, problems: int) -> str:
+def _is_inside(
+    robot: ad.Robot,
+    tip: str,
+    joints: tuple[str, ...],
+    scene: Scene,
+    scale: float,
+    x: np.ndarray,
+) -> bool:
+    """Whether a link's origin is within the first compartment of a shelf."""
+    point = robot.forward_kinematics(
+        dict(zip(joints, x, strict=True)), tip
+    ).translation()
+    X_WS = scene.shapes[0][1]  # The lowest board.
+    place = X_WS.inverse() @ point / scale - np.array(
+        [0.0, -0.5 * SIZE[1], 1.5 * SIZE[2]]
+    )
+    return bool(np.all(np.abs(place) < 0.45 * SIZE))
+
+
+def _with_inside(
+    robot: ad.Robot,
+    tip: str,
+    joints: tuple[str, ...],
+    scene: Scene,
+    scale: float,
+    samples: np.ndarray,
+) -> np.ndarray:
+    """Return configurations with the tip inside and outside, one after the other."""
+    inside = [x for x in samples if _is_inside(robot, tip, joints, scene, scale, x)]
+    X_WS = scene.shapes[0][1]
+    for _ in range(40):
+        place = np.array([-0.1, -0.5 * SIZE[1], 1.5 * SIZE[2]]) * scale
+        try:
+            seed = samples[len(inside)]
+            found = ad.solve_ik(
+                robot,
+                tip,
+                RigidTransform(X_WS @ place),
+                seed=dict(zip(joints, seed, strict=True)),
+                group=joints,
+                mask=(True,) * 3 + (False,) * 3,
+                all_solutions=True,
+            )
+        except ad.NoSolution:
+            break
+        each = (found.positions, *found.others)
+        inside += [np.array([q[name] for name in joints]) for q in each]
+        if len(inside) > 60:
+            break
+    pairs = zip(inside, samples, strict=False)
+    return np.array([x for pair in pairs for x in pair])
+
+
+def solve_by_ompl(problem: Problem, step: float) -> float:
+    """Return the length of OMPL's own simplified way; none found is infinite."""
+    from ompl import base, geometric, util
+
+    from arm_drake.planning import search
+
+    size = len(problem.low)
+    ends = np.array([list(problem.start.values()), list(problem.end.values())])
+    low = np.minimum(problem.low, ends.min(axis=0))
+    high = np.maximum(problem.high, ends.max(axis=0))
+    util.noOutputHandler()
+    util.RNG.setSeed(1)
+    space = base.RealVectorStateSpace(size)
+    box = base.RealVectorBounds(size)
+    for index in range(size):
+        box.setLow(index, float(low[index]))
+        box.setHigh(index, float(high[index]))
+    space.setBounds(box)
+    information = search._find_information(
+        problem.model, space, (low, high), step, None
+    )
+    information.setup()
+    definition = base.ProblemDefinition(information)
+    definition.addStartState(search._state(space, ends[0]))
+    goals = base.GoalStates(information)
+    goals.addState(search._state(space, ends[1]))
+    definition.setGoal(goals)
+    planner = geometric.RRTConnect(information)
+    planner.setProblemDefinition(definition)
+    planner.setup()
+    deadline = time.monotonic() + 5.0
+    planner.solve(base.PlannerTerminationCondition(lambda: time.monotonic() > deadline))
+    if not definition.hasExactSolution():
+        return float("inf")
+    way = definition.getSolutionPath()
+    geometric.PathSimplifier(information).simplifyMax(way)
+    corners = np.array([search._values(state, size) for state in way.getStates()])
+    return float(np.sum(np.linalg.norm(np.diff(corners, axis=0), axis=1)))
+
+
+def measure(name: str, kind: str, problems: int) -> str:
     """Return a robot's line."""
     robot = load(name)
     judge, rng = Judge(robot), np.random.default_rng(2)
-    times, solved, free, tried = [], 0, 0, 0
-    initial = dict(robot.initial_positions)
+    times, lengths, theirs = [], [], []
+    solved, free, tried = 0, 0, 0
     while tried < problems:
-        scene, start, end = find_problem(robot, rng, ROBOTS[name])
+        problem = find_problem(robot, rng, name, kind)
+        scene, start, end = problem[:3]
         world = scene.add_to
         ad.plan(robot, start, start=start, world=world)  # Builds the model.
-        began = time.perf_counter()
+        began = time.process_time()
         try:
             plan = ad.plan(robot, end, start=start, world=world)
         except ad.PlanningError as error:
+            took = time.process_time() - began
             try:
                 ad.plan(robot, end, start=start, world=world, time_limit=10.0, seed=9)
             except ad.PlanningError:
                 continue
             print(f"{name}: {error}", file=sys.stderr)
             tried += 1
-            times.append(time.perf_counter() - began)
+            times.append(took)
             continue
-        times.append(time.perf_counter() - began)
+        times.append(time.process_time() - began)
         tried += 1
         solved += 1
-        names = plan.trajectory.joint_names
-        way = np.array([point.positions for point in plan.trajectory.points])
-
-        def named(x: np.ndarray, names: tuple[str, ...] = names) -> dict[str, float]:
-            from arm_drake.planning.inverse_kinematics import complete_positions
-
-            values = dict(zip(names, map(float, x), strict=True))
-            own = {j.name for j in robot.description.movable_joints if j.mimic is None}
-            start = {k: v for k, v in initial.items() if k in own}
-            return complete_positions(robot, {**start, **values})
-
-        free += judge.is_free(scene, way, named)
-    ms = 1e3 * np.array(times)
+        began = time.process_time()
+        other = solve_by_ompl(problem, 10.0 * problem.model.fine_step)
+        if np.isfinite(other):
+            theirs.append((other, time.process_time() - began))
+            steps = np.diff(plan.path, axis=0)
+            lengths.append(float(np.sum(np.linalg.norm(steps, axis=1))))
+        free += is_plan_free(robot, judge, scene, plan)
+    ms, ratio = 1e3 * np.array(times), 1e3 * np.median([t for _, t in theirs])
+    longer = np.median(np.array(lengths) / np.array([n for n, _ in theirs]))
     return (
-        f"{name:<20} solved {solved}/{tried}  judged free {free}/{solved}  "
+        f"{name:<18} {kind:<8} solved {solved}/{tried}  judged free {free}/{solved}  "
         f"median {np.median(ms):4.0f} ms  mean {ms.mean():4.0f}  "
-        f"p95 {np.percentile(ms, 95):5.0f}  max {ms.max():5.0f}"
+        f"p95 {np.percentile(ms, 95):5.0f}  max {ms.max():5.0f}; length by OMPL's "
+        f"{longer:.2f}, whose median is {ratio:.0f} ms"
     )
+
+
+def is_plan_free(robot: ad.Robot, judge: Judge, scene: Scene, plan: ad.Plan) -> bool:
+    """Whether a plan is free for the judge."""
+    names, initial = plan.trajectory.joint_names, dict(robot.initial_positions)
+    own = {j.name for j in robot.description.movable_joints if j.mimic is None}
+    start = {k: v for k, v in initial.items() if k in own}
+
+    def named(x: np.ndarray) -> dict[str, float]:
+        values = dict(zip(names, map(float, x), strict=True))
+        return complete_positions(robot, {**start, **values})
+
+    way = np.array([point.positions for point in plan.trajectory.points])
+    return judge.is_free(scene, way, named)
 
 
 def main() -> int:
@@ -233,10 +442,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--problems", type=int, default=100)
     parser.add_argument("--robots", nargs="*", default=list(ROBOTS))
+    parser.add_argument("--scenes", nargs="*", default=list(SCENES))
     options = parser.parse_args()
-    for name in options.robots:
+    for name, kind in itertools.product(options.robots, options.scenes):
         try:
-            print(measure(name, options.problems), flush=True)
+            print(measure(name, kind, options.problems), flush=True)
         except ArmDrakeError as error:
             print(f"{name}: left out: {error}", file=sys.stderr)
     return 0

@@ -211,7 +211,60 @@ def test_a_robot_that_never_rests_is_told_of(simulation: ad.Simulation) -> None:
     )
 
 
+@pytest.mark.slow
+def test_a_step_passes_way_points_and_keeps_a_link_upright() -> None:
+    robot = ad.load_robot("doosan_a0912", initial_positions=START)
+    simulation = ad.Simulation(ad.build_diagram(robot))
+    step = {
+        "through": [{"positions": {"joint1": -0.5}}, {"positions": {"joint1": 0.2}}],
+        "positions": {"joint1": -0.3},
+        "upright": {"link6": 0.05},
+    }
+
+    simulation.run(6.0, motion=parse_motion([{"plan_to": step}]))
+
+    (goal,) = simulation.goals
+    assert goal.status.value == "SUCCEEDED"
+    first = simulation.rollout().position[:, 0]
+    # It went there, further, and back; about the vertical, so no link tilted.
+    assert np.max(first) == pytest.approx(0.2, abs=5e-3)
+    assert joint(simulation, "joint1") == pytest.approx(-0.3, abs=2e-3)
+    bent = {"positions": {"joint2": 0.4}, "upright": {"link6": 0.05}}
+    simulation.run(0.1, motion=parse_motion([{"plan_to": bent}]))
+    (refused,) = simulation.rejected
+    assert "'link6' tilts by 0.5 rad; the path constraint allows 0.05" in (
+        simulation.mailbox.describe(refused)
+    )
+
+
 BAD = [
+    (
+        {"state": "home", "through": {"state": "home"}},
+        "[0].plan_to.through: expected a list, got {'state': 'home'}",
+    ),
+    (
+        {"state": "home", "through": [{"pose": [0.4, 0.2]}]},
+        "[0].plan_to.through[0].pose: expected x, y, z [m] or x, y, z, roll, pitch, "
+        "yaw [m, rad], got [0.4, 0.2]",
+    ),
+    (
+        {"pose": [0.4, 0.2, 0.6], "through": [{"pose": [0.4, 0.2, 0.6, 0, 0, 0]}]},
+        "[0].plan_to: expected poses that are all x, y, z, or all six",
+    ),
+    (
+        {"state": "home", "upright": {"link6": 0.1, "link5": 0.1}},
+        "[0].plan_to.upright: expected one link and its angle, got "
+        "{'link6': 0.1, 'link5': 0.1}",
+    ),
+    (
+        {"state": "home", "upright": {"link9": 0.1}},
+        "[0].plan_to: upright: no link 'link9'; did you mean 'link6'? known: "
+        "base_0, link1, link2, link3, link4, link5, link6, world",
+    ),
+    (
+        {"state": "home", "upright": {"link6": -0.1}},
+        "[0].plan_to: tolerance: expected an angle from 0.002 to pi [rad], got -0.1",
+    ),
     ({}, "[0].plan_to: expected one of state, positions, pose; got none"),
     (
         {"state": "home", "pose": [0.0] * 6},

@@ -19,6 +19,7 @@ from arm_drake.description.joints import last_master
 from arm_drake.description.robot import Robot
 from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.planning.groups import PlanningGroup, find_state, planning_groups
+from arm_drake.planning.orientation_constraint import OrientationConstraint
 from arm_drake.plant.plant import transform_of
 from arm_drake.simulation.mailbox import GoalHandle
 from arm_drake.simulation.simulation import Simulation
@@ -67,6 +68,9 @@ _TRAIL_WIDTH = 4.0
 
 # A goal that can't be for longer than this is looked for no further [s].
 _TIME_LIMIT = 5.0
+
+# How far the frame may tilt where it is kept upright [rad].
+_UPRIGHT = 0.1
 
 
 class PlanningHost(Protocol):
@@ -167,7 +171,7 @@ class MotionPlanning:
         self._label = next(iter(self._groups), "")
         self._frame = self._group.tip if self._groups else ""
         self._scaling = {"velocity_scaling": 1.0, "acceleration_scaling": 1.0}
-        self._is_straight = self._is_position_only = False
+        self._is_straight = self._is_position_only = self._is_upright = False
         self._goal: _Goal | None = None
         self._is_stale = False
         self._ghosts: dict[tuple[str, str], Ghost] = {}
@@ -303,6 +307,9 @@ class MotionPlanning:
             "time_limit": _TIME_LIMIT,
             "should_stop": self._make_stop(),
         }
+        if self._is_upright:
+            constraint = OrientationConstraint(self._frame, _UPRIGHT)
+            options["path_constraint"] = constraint
         target = {name: goal.positions[name] for name in joints}
         try:
             if goal.problem:
@@ -380,6 +387,7 @@ class MotionPlanning:
             *self._sliders(),
             Toggle("plan:position_only", "its turn is free", self._is_position_only),
             Toggle("plan:straight", "on a straight line", self._is_straight),
+            Toggle("plan:upright", "kept upright (0.1 rad)", self._is_upright),
             *(
                 Slider(f"plan:{key}", key.replace("_", " "), 0.01, 1.0, value)
                 for key, value in self._scaling.items()
@@ -401,6 +409,7 @@ class MotionPlanning:
             "plan:frame": {"options": self._frames(), "value": self._frame},
             "plan:position_only": {"value": self._is_position_only},
             "plan:straight": {"value": self._is_straight},
+            "plan:upright": {"value": self._is_upright},
             **self.changes(),
         }
         for key, value in self._scaling.items():
@@ -433,6 +442,8 @@ class MotionPlanning:
             self._is_position_only, self._is_stale = bool(value), True
         elif what == "straight":
             self._is_straight = bool(value)
+        elif what == "upright":
+            self._is_upright = bool(value)
         elif what in self._scaling:
             self._set_scaling(what, value)
         self._scene.patch(self._values())
@@ -707,6 +718,9 @@ class SimulatedRobots:
         self._live = live
         self._goal: GoalHandle | None = None
 
+        # The robot that is sent positions, and no goal.
+        self._moving = ""
+
     @property
     def robots(self) -> Mapping[str, Robot]:
         """The robots by name."""
@@ -741,17 +755,26 @@ class SimulatedRobots:
     def execute(self, plan: "Plan") -> str:
         """Send a plan to its controller."""
         self._goal = self._live.simulation.send_planned(plan)
-        return f"executing: {self._goal.controller}"
+        self._moving = "" if self._goal else plan.robot.name
+        return f"executing: {self._goal.controller if self._goal else self._moving}"
 
     def stop(self) -> str:
         """Cancel what was sent."""
+        simulation = self._live.simulation
+        if self._moving:
+            simulation.stop_planned(self._moving)
+            self._moving = ""
+            return "cancelled"
         if self._goal is None or self._goal.status.is_terminal:
             return "stopped"
-        self._live.simulation.controller(self._goal.controller).cancel()
+        simulation.controller(self._goal.controller).cancel()
         return "cancelled"
 
     def progress(self) -> str:
         """Say how the goal ended, once."""
+        if self._moving and self._live.simulation.rests(self._moving):
+            self._moving = ""
+            return "executed"
         if self._goal is None or not self._goal.status.is_terminal:
             return ""
         goal, self._goal = self._goal, None

@@ -130,6 +130,14 @@ def test_a_goal_that_cannot_be_is_red_and_isnt_planned(
     assert ghost_color(page) == pytest.approx(GOAL_COLOR)
 
 
+def test_a_goal_that_tilts_the_frame_is_not_planned_where_it_is_kept_upright(
+    viewer: RobotViewer,
+) -> None:
+    planning = click(viewer, *above(0.6), ("upright", True), "plan")
+
+    assert planning.status.startswith("no plan: the goal: 'lower' tilts by ")
+
+
 def test_a_named_state_moves_the_sliders(viewer: RobotViewer) -> None:
     planning = click(viewer, ("state", "home"))
 
