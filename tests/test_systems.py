@@ -9,7 +9,8 @@ import pkgutil
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -133,7 +134,7 @@ from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.perception.cameras import Camera
 from arm_drake.perception.lidar import Lidar
 from arm_drake.perception.scenery import Scenery
-from arm_drake.perception.sensors import Place
+from arm_drake.perception.sensors import Place, SensorLog
 from arm_drake.plant.contact import ContactForces
 from arm_drake.plant.kinematics import KinematicPlant, LinkFrames
 from arm_drake.plant.sensor_readings import ContactReadings, SensorReadings
@@ -272,6 +273,15 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
         LidarSensor("c", "world", topic="<lidar>"),
         Place("robot", "robot", "empty"),
         Scenery(None, None),
+    ),
+    SensorLog: lambda: SensorLog(
+        cast(
+            Any,
+            SimpleNamespace(
+                output_types=["<topic>"], params=SimpleNamespace(update_rate=10.0)
+            ),
+        ),
+        "",
     ),
     ContactForces: lambda: ContactForces(["link"]),
     ReferencePositions: lambda: ReferencePositions(2),

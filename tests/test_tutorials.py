@@ -51,8 +51,9 @@ def test_a_command_runs(
         # What is about the page needs one, without anybody who looks.
         is_page = any(word in words for word in ("--curve", "--keyboard"))
         words += ["--no-open"] if is_page else ["--headless"]
-        # Each plan waits for the one before.
-        words += ["--duration", "6" if "plan_to_poses" in words else str(DURATION)]
+        # What plans takes the time that it needs.
+        durations = {"plan_to_poses": ["--duration", "6"], "pick_and_place": []}
+        words += durations.get(words[-2], ["--duration", str(DURATION)])
     if words[0] == "view" or (words[0] == "launch" and "--headless" not in words):
         # Without a browser: what it shows can be loaded, and the pose is one.
         words = [*words, "--json"]
