@@ -212,7 +212,13 @@ class SensorLog(PythonSystem):
         input_ports:
         - <topic>
 
-    There is a port for each topic. What was kept is in the context.
+    =======  ====  ================================================================
+    port     size  meaning
+    =======  ====  ================================================================
+    <topic>  --    messages of a topic of the sensor; there is a port for each
+    =======  ====  ================================================================
+
+    What was kept is in the context.
     """
 
     def __init__(self, sensor: SensorSystem, prefix: str) -> None:

@@ -29,7 +29,7 @@ DURATION = 3.0
 CONTROL = {"classic": "classic", "trajectories": "ros2_control"}
 
 # Motions that need a scene of their own.
-SCENES = ("follow",)
+SCENES = ("follow", "pick_and_place")
 
 MOTIONS = [
     (robot, motion)
