@@ -26,7 +26,11 @@ from tests.carts import load as load_cart
 DURATION = 3.0
 
 # What `control` has to be for a motion of the MyCobot.
-CONTROL = {"classic": "classic", "trajectories": "ros2_control"}
+CONTROL = {
+    "classic": "classic",
+    "plan_to_poses": "ros2_control",
+    "trajectories": "ros2_control",
+}
 
 # Motions that need a scene of their own.
 SCENES = ("follow", "pick_and_place")
