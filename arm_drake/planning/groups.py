@@ -27,7 +27,7 @@ _TRAJECTORY_CONTROLLER = "joint_trajectory_controller/JointTrajectoryController"
 
 # Without a limit of its speed a joint has this one [rad/s] or [m/s]; without a limit
 # of its acceleration it needs so long to its full speed [s].
-_SPEED, _TIME_TO_SPEED = 1.0, 0.5
+_SPEED, _TIME_TO_SPEED = 1.0, 1.0
 
 _LIMITS_FILE = "joint_limits.yaml"
 
