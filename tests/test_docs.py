@@ -14,6 +14,7 @@ from urllib.parse import unquote, urldefrag
 import pytest
 
 import arm_drake as ad
+from tests.test_structure import PACKAGES
 
 ROOT = Path(__file__).parents[1]
 CONFIGURATION = ROOT / "docs/conf.py"
@@ -197,3 +198,5 @@ def test_the_architecture_names_modules_that_are_there() -> None:
     for name in named:
         path = ROOT / "arm_drake" / name
         assert path.is_dir() or path.with_suffix(".py").exists(), name
+    # All packages, in the order in which they may import each other.
+    assert re.findall(r"^      ([a-z]+)/ ", text, re.MULTILINE) == PACKAGES
