@@ -173,7 +173,8 @@ def _list(options: argparse.Namespace) -> int:
         print(json.dumps({"robots": robots, "worlds": worlds, "examples": examples}))
         return 0
     for name, motions in robots.items():
-        print(f"{name}\n  motions: {', '.join(motions) or 'none'}")
+        text = f"motions: {', '.join(motions) or 'none'}"
+        print(name, textwrap.indent(textwrap.fill(text, width=84), "  "), sep="\n")
     print(f"worlds: {', '.join(worlds)}")
     names = ", ".join(examples or ["none (pip install 'arm-drake[robots]')"])
     print(textwrap.fill(f"examples: {names}", width=88, subsequent_indent="  "))

@@ -314,14 +314,20 @@ def _show(options: argparse.Namespace, views: "LiveViews") -> None:
 def _show_live(options: argparse.Namespace, live: "LiveSimulation") -> None:
     """Show what the command line asks for beside the robots, on a page."""
     from arm_drake.visualization.page.displays import Displays
+    from arm_drake.visualization.page.keyboard import Keyboard
     from arm_drake.visualization.page.live_plots import LivePlots
     from arm_drake.visualization.page.parts import find_part
 
     for name in options.curve:
         find_part(live.parts, LivePlots).add(name)
     if options.keyboard:
-        for part in live.parts:
-            part.handle("keys:on", True)
+        keyboards = [part for part in live.parts if isinstance(part, Keyboard)]
+        if not keyboards:
+            text = (
+                "no controller here takes velocities of a base or positions of joints"
+            )
+            raise InputError(f"--keyboard: {text}")
+        keyboards[0].handle("keys:on", True)
     for topic in options.display:
         find_part(live.parts, Displays).show(topic)
 

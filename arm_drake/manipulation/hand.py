@@ -32,6 +32,7 @@ from arm_drake.planning.grasps import (
     find_grasps,
 )
 from arm_drake.planning.grippers import Gripper, find_gripper
+from arm_drake.planning.groups import takes_positions
 from arm_drake.planning.inverse_kinematics import (
     WHOLE_POSE,
     NoSolution,
@@ -296,7 +297,7 @@ class Hand:
             kind = next(
                 (k for end, k in _KINDS.items() if controller.type.endswith(end)), None
             )
-            if kind is None:
+            if kind is None or (kind == "commands" and not takes_positions(controller)):
                 continue
             named = [
                 parameter.value
@@ -437,7 +438,8 @@ class Hand:
                 failures.append(failure)
             else:
                 return
-        raise failures[0]
+        stage, reason = failures[0].stage, failures[0].reason
+        raise Failure(stage, f"at its goal: {reason}")
 
     def ways_out(self, X_WP: RigidTransform) -> list[RigidTransform]:
         """Return where the palm is above the place of a thing, and drawn back."""

@@ -251,8 +251,8 @@ def _grasp(
 
 def _give_up(hand: "Hand", thing: str) -> Activity[None]:
     """Open the gripper and draw back, as far as that is possible."""
-    yield from hand.move_gripper(0.0, "")
     with contextlib.suppress(Failure):  # The next grasp will tell.
+        yield from hand.move_gripper(0.0, "")
         yield from hand.draw_back(thing)
 
 
@@ -289,7 +289,10 @@ def _place(hand: "Hand", asked: Place) -> Activity[PlaceResult]:
         break
     if found is None:
         return result(reasons[-1])
-    yield from hand.move_gripper(hand.release(), "")
+    try:
+        yield from hand.move_gripper(hand.release(), "")
+    except Failure as failure:
+        return result(f"it isn't let go: {failure.reason}")
     try:
         yield from hand.draw_back(thing)
     except Failure as failure:

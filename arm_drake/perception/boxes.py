@@ -138,8 +138,9 @@ def find_box(
     reasons: list[str] = []
     random = np.random.default_rng(seed)
     for plane in _find_planes(cloud, settings, random):
-        found, problems = _boxes_on(cloud, plane, settings)
-        if found:
+        boxes, problems = _boxes_on(cloud, plane, settings)
+        found += boxes
+        if found and near is None and size is None:
             break
         reasons += problems or ["nothing is above the plane"]
     if not found:

@@ -7,9 +7,9 @@ the largest areas of theirs that face each other at one distance when they are c
 """
 
 import dataclasses as dc
+import functools
 import itertools
 import math
-import weakref
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple, TypeAlias
@@ -158,9 +158,8 @@ class Gripper:
         return self.shapes.at(dict.fromkeys(links), self.palm, self.positions(closed))
 
 
-_grippers: "weakref.WeakKeyDictionary[Robot, dict[str | None, Gripper]]" = (
-    weakref.WeakKeyDictionary()
-)
+# Of so many robots a gripper is remembered, as it remembers its robot.
+_REMEMBERED = 8
 
 
 def find_gripper(robot: Robot, group: str | None = None) -> Gripper:
@@ -174,12 +173,10 @@ def find_gripper(robot: Robot, group: str | None = None) -> Gripper:
     Raises:
         InputError: If there is no gripper, or nothing that can touch on its fingers.
     """
-    known = _grippers.setdefault(robot, {})
-    if group not in known:
-        known[group] = _find_gripper(robot, group)
-    return known[group]
+    return _find_gripper(robot, group)
 
 
+@functools.lru_cache(maxsize=_REMEMBERED)
 def _find_gripper(robot: Robot, group: str | None) -> Gripper:
     ranges = find_gripper_ranges(robot)
     if not ranges:

@@ -93,7 +93,7 @@ def _find_groups(robot: Robot) -> dict[str, PlanningGroup]:
     if not groups:
         for controller in robot.controllers.controllers:
             named = tuple(n for n in _joints_of(controller) if n in own)
-            if _takes_positions(controller) and named:
+            if takes_positions(controller) and named:
                 groups[controller.name] = named, None
     if not groups and own:
         for label, members in ((ARM, own - grippers), (GRIPPER, own & grippers)):
@@ -155,7 +155,7 @@ def find_position_controller(
     """Return a controller that takes positions of a group's joints, and their order."""
     for controller in robot.controllers.controllers:
         joints = _joints_of(controller)
-        if _takes_positions(controller) and set(joints) == set(group.joints):
+        if takes_positions(controller) and set(joints) == set(group.joints):
             return controller.name, joints
     return None
 
@@ -179,7 +179,8 @@ def _joints_of(controller: ControllerConfig) -> tuple[str, ...]:
     return tuple(map(str, parameter.value)) if is_list else ()  # type: ignore[union-attr]
 
 
-def _takes_positions(controller: ControllerConfig) -> bool:
+def takes_positions(controller: ControllerConfig) -> bool:
+    """Return whether a controller passes on commands, and they are positions."""
     if controller.type == "position_controllers/JointGroupPositionController":
         return True
     parameter = controller.parameters.get("interface_name")

@@ -209,7 +209,8 @@ def _end(step: MotionStep, factors: Iterable[tuple[float, float]]) -> float:
     message = step.message
     if isinstance(message, TopicMessage) and isinstance(message.data, Mapping):
         length = message.data.get("time_range", 0.0)
-        return step.at + (length if isinstance(length, int | float) else 0.0)
+        is_number = isinstance(length, int | float) and math.isfinite(length)
+        return step.at + (length if is_number else 0.0)
     if isinstance(message, TopicMessage):
         message = message.data if isinstance(message.data, JointTrajectory) else None
     elif isinstance(message, FollowJointTrajectoryGoal):

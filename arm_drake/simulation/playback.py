@@ -94,7 +94,7 @@ class Player:
         self._start = simulation.time
         self._waiting: list[MotionStep] = []
         # By robot; None is the first one.
-        self._running: dict[str | None, _Running] = {}
+        self._running: dict[str, _Running] = {}
         self._steps = self._motion.timeline()
         self._next = next(self._steps, None)
 
@@ -168,13 +168,14 @@ class Player:
 
     def _start_tasks(self) -> None:
         """Start what robots do that rest, of each robot the first."""
-        busy: set[str | None] = set(self._running)
+        busy = set(self._running)
         for step in tuple(self._waiting):
             message, where = step.message, self._motion.place(step)
             assert isinstance(message, Task)
-            if message.robot in busy:
+            robot = self._simulation.directory.manager(message.robot).robot.name
+            if robot in busy:
                 continue
-            busy.add(message.robot)
+            busy.add(robot)
             if isinstance(message, PlanTo):
                 if self._simulation.send_plan(message, where=where):
                     self._waiting.remove(step)
@@ -182,7 +183,7 @@ class Player:
             if self._simulation.rests(message.robot):
                 self._waiting.remove(step)
                 times = _perform(self._simulation, message, where)
-                self._running[message.robot] = _Running(step, times, 0.0)
+                self._running[robot] = _Running(step, times, 0.0)
                 self._go_on(self._simulation.time)
 
 

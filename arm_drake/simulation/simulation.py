@@ -238,7 +238,11 @@ def _since(rollout: Rollout, time: float) -> Rollout:
             if goal.ended_at is None or goal.ended_at >= time
         ),
         sensor_messages={
-            topic: tuple(m for m in messages if m.header.stamp.to_seconds() >= time)  # type: ignore[attr-defined]
+            topic: tuple(
+                m
+                for m in messages
+                if m.header.stamp.to_seconds() >= time - _SAME_TIME  # type: ignore[attr-defined]
+            )
             for topic, messages in rollout.sensor_messages.items()
         },
         messages=tuple(m for m in rollout.messages if m.time >= time - _SAME_TIME),
@@ -418,7 +422,7 @@ class Simulation:
 
         none = "the robots have none; arm_drake.add_camera adds one"
         camera = self._find_sensor(Camera, name, none)
-        return CameraHandle(camera, self.simulator.get_context)
+        return CameraHandle(camera, lambda: self.simulator.get_context())
 
     def lidar(self, name: str) -> "LidarHandle":
         """Return what a lidar measures.
@@ -432,7 +436,7 @@ class Simulation:
         from arm_drake.perception.lidar import Lidar, LidarHandle
 
         lidar = self._find_sensor(Lidar, name, "the robots have none")
-        return LidarHandle(lidar, self.simulator.get_context)
+        return LidarHandle(lidar, lambda: self.simulator.get_context())
 
     def _find_sensor(self, kind: type[_Sensor], name: str, none: str) -> _Sensor:
         """Return a sensor of a kind, by name with the robot's prefix."""
@@ -696,10 +700,9 @@ class Simulation:
             return False
         try:
             found = plan(self, message.to, name=name, **plan_options(message))
+            self.send_planned(found, where=where)
         except ArmDrakeError as error:
             self.mailbox.reject(message, str(error), where)
-        else:
-            self.send_planned(found, where=where)
         return True
 
     def reject_task(self, message: Task, reason: str, *, where: str) -> None:
@@ -718,7 +721,8 @@ class Simulation:
             where: The place in a motion file that asks for it.
 
         Raises:
-            InputError: If no controller has exactly the group's joints.
+            InputError: If no controller has exactly the group's joints, or the one that
+                takes positions isn't active.
         """
         from arm_drake.simulation.task_space import send_planned
 

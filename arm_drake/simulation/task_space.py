@@ -16,6 +16,7 @@ from pydrake.math import RigidTransform
 
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, suggest
+from arm_drake.manager.loaded_controllers import ControllerState
 from arm_drake.messages import JointTrajectory, JointTrajectoryPoint, Message
 from arm_drake.messages.base import to_message
 from arm_drake.planning.groups import (
@@ -44,7 +45,7 @@ _POINT = (True, True, True, False, False, False)
 _TOP_SPEED = 1.875
 
 # Time between two commands [s]; a move takes no less than the second one.
-_STEP, _SHORTEST = 0.01, 0.01
+_STEP, _SHORTEST, _LONGEST = 0.01, 0.01, 1e4
 
 # A way along which the robot doesn't go too fast, though rounding says so.
 _ROUNDING = 1.0 + 1e-6
@@ -127,6 +128,9 @@ class Simulated(Protocol):
     def joint_states(self, robot: str | None = None) -> Any:
         """Return where the joints are."""
 
+    def list_controllers(self) -> Sequence[ControllerState]:
+        """Return the controllers and their states."""
+
 
 def find_receiver(robot: Robot, group: PlanningGroup) -> str:
     """Return the controller that moves a group as planned, or raise InputError."""
@@ -184,6 +188,10 @@ def _send_rows(
     """Have a controller that takes positions get them, in its own order, from now."""
     forward = find_position_controller(robot, group)
     assert forward is not None
+    states = {row.name: row.state for row in simulation.list_controllers()}
+    if (state := states[handle.name]) != "active":
+        text = "it takes no plan until it is active"
+        raise InputError(f"controller {handle.name!r} is {state}; {text}")
     order = [group.joints.index(name) for name in forward[1]]
     now = simulation.time
     handle.schedule_commands(
@@ -280,8 +288,8 @@ class TaskSpaceRequest(TopicHandle):
                 raise InputError(f"{place}: expected true or false, got {value!r}")
             if not (isinstance(value, int | float) and math.isfinite(value)):
                 raise InputError(f"{place}: expected a finite number, got {value!r}")
-            if field.name == "time_range" and value < _SHORTEST:
-                expected = f"expected at least {_SHORTEST} s"
+            if field.name == "time_range" and not _SHORTEST <= value <= _LONGEST:
+                expected = f"expected {_SHORTEST} to {_LONGEST:g} s"
                 raise InputError(f"{place}: {expected}, got {value}")
         found: Request = message
         return found

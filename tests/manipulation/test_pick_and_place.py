@@ -222,7 +222,7 @@ def test_the_tutorial_takes_the_box_from_the_table_into_the_bin() -> None:
     simulation = ad.Simulation(ad.build_diagram(robot, world="house_table"))
     before = pose_of(simulation, "box").translation()
 
-    simulation.run(12.0, load_motion("pick_and_place", robot=robot))
+    simulation.run(18.0, load_motion("pick_and_place", robot=robot))
 
     assert before == pytest.approx([0.2, 0.05, 0.07])
     assert simulation.rejected == []

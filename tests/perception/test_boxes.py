@@ -141,6 +141,21 @@ def test_of_several_the_one_is_returned_that_is_meant() -> None:
         assert len(found.others) == 1
 
 
+def test_the_one_that_is_meant_may_stand_on_a_smaller_plane() -> None:
+    ground = spread([-1.0, -1.0, 0.0], [1.0, 1.0, 0.0])
+    size, middle = (0.06, 0.04, 0.05), (0.0, 0.0, 0.425)
+    large = make_box((0.2, 0.2, 0.2), (-0.8, 0.0, 0.1), 0.0)
+    table = make_table(0.4, 0.15)
+    cloud = blur(ground[::20], large, table, make_box(size, middle, 0.5))
+
+    by_place = ad.find_box(cloud, near=middle, largest=0.25)
+    by_size = ad.find_box(cloud, size=size, largest=0.25)
+
+    for found in (by_place, by_size):
+        assert found.pose is not None, found.reason
+        np.testing.assert_allclose(found.pose.translation(), middle, atol=_NEAR)
+
+
 def test_what_is_no_box_is_not_called_one() -> None:
     angles = np.random.default_rng(0).uniform(0.0, math.pi, (3000, 2))
     ball = 0.04 * np.stack(

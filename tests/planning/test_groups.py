@@ -91,10 +91,10 @@ def test_speeds_are_those_of_moveit_then_the_description(robot: ad.Robot) -> Non
     limits = motion_limits(robot)
 
     assert limits["a"] == (1.5, 7.0)
-    # Full speed takes half a second where nothing is said.
-    assert limits["b"] == (3.0, 6.0)
+    # Full speed takes a second where nothing is said.
+    assert limits["b"] == (3.0, 3.0)
     # A speed of 0 is none: 1 rad/s.
-    assert limits["c"] == (1.0, 2.0)
+    assert limits["c"] == (1.0, 1.0)
 
 
 def test_a_robot_without_srdf_has_its_controllers_as_groups() -> None:

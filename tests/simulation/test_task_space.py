@@ -77,13 +77,25 @@ def test_a_point_in_a_time_is_a_polynomial_of_degree_five(
     assert np.allclose([each.message.data for each in sent], expected, atol=1e-6)
 
 
+def test_a_controller_that_is_not_active_takes_no_plan(robot: ad.Robot) -> None:
+    name = "joint_group_position_controller"
+    options = ad.SimulationOptions(inactive=(name,))
+    simulation = ad.Simulation(ad.build_diagram(robot, options=options))
+
+    with pytest.raises(InputError, match=f"controller '{name}' is inactive"):
+        simulation.move_to({"joint1": 0.3})
+
+    assert not simulation.mailbox.sent
+
+
 @pytest.mark.parametrize(
     ("topic", "data", "words"),
     [
         ("kinematics", {"x": 1.0, "w": 2.0}, "no field w"),
         ("kinematics", {"x": float("nan")}, "x: expected a finite number, got nan"),
         ("kinematics", [1.0, 2.0, 3.0], "expected {x, y, z}"),
-        ("trajectory", POINT, "time_range: expected at least 0.01 s, got 0.0"),
+        ("trajectory", POINT, "time_range: expected 0.01 to 10000 s, got 0.0"),
+        ("trajectory", {**POINT, "time_range": 1e12}, "expected 0.01 to 10000 s"),
         ("trajectory", {**POINT, "time_range": 0.05}, "the joints' limits of speed"),
         ("home", 1.0, "expected {data}"),
         ("home", {"data": "yes"}, "data: expected true or false"),

@@ -35,6 +35,7 @@ const show_values = (index) => {
 
 // Draws what is new, unless it stands still.
 const redraw = () => {
+    if (plots.chart && !plots.rows.length) plots.chart.setData(plots.shown = columns(), false);
     if (!plots.chart || plots.is_paused || plots.zoom || !plots.rows.length) return;
     const end = plots.rows.at(-1)[0];
     const first = plots.rows[0][0];
