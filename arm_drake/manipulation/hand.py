@@ -233,13 +233,23 @@ def read_goal(pose: RigidTransform | Sequence[float]) -> Place:
     return Place(read_pose(whole), is_position)
 
 
-def read_options(options: Mapping[str, Any]) -> PickOptions:
-    """Return options given by name, or raise InputError."""
-    names = [field.name for field in dc.fields(PickOptions)]
+def read_options(kind: type[T], action: str, options: Mapping[str, Any]) -> T:
+    """Return options of an action given by name, or raise InputError."""
+    names = [field.name for field in dc.fields(kind)]  # type: ignore[arg-type]
     for name in options:
         if name not in names:
-            raise InputError(f"pick: no option {name!r}; {suggest(name, names)}")
-    return PickOptions(**options)
+            raise InputError(f"{action}: no option {name!r}; {suggest(name, names)}")
+    return kind(**options)
+
+
+def perform(simulation: "Runner", activity: Activity[T]) -> T:
+    """Simulate until an activity is done, and return what it returns."""
+    while True:
+        try:
+            simulation.advance_to(max(next(activity), simulation.time))
+        except StopIteration as stop:
+            result: T = stop.value
+            return result
 
 
 class Failure(Exception):

@@ -22,6 +22,7 @@ from arm_drake.manipulation.hand import (
     PickOptions,
     Place,
     Runner,
+    perform,
     read_goal,
     read_options,
     shifted,
@@ -117,7 +118,7 @@ def pick(simulation: Runner, thing: str, **options: Any) -> PickResult:
     Raises:
         InputError: If there is no such thing, no gripper, or an argument can't be used.
     """
-    return _run(simulation, picking(simulation, thing, **options))
+    return perform(simulation, picking(simulation, thing, **options))
 
 
 def place(
@@ -138,7 +139,7 @@ def place(
     Raises:
         InputError: If there is no gripper, or an argument can't be used.
     """
-    return _run(simulation, placing(simulation, pose, **options))
+    return perform(simulation, placing(simulation, pose, **options))
 
 
 def held_thing(
@@ -154,19 +155,9 @@ def held_thing(
     return Hand(simulation, PickOptions(robot=robot, group=group)).find_held()
 
 
-def _run(simulation: Runner, activity: Activity[T]) -> T:
-    """Simulate until an activity is done, and return what it returns."""
-    while True:
-        try:
-            simulation.advance_to(max(next(activity), simulation.time))
-        except StopIteration as stop:
-            result: T = stop.value
-            return result
-
-
 def picking(simulation: Runner, thing: str, **options: Any) -> Activity[PickResult]:
     """Return what `pick` does, for those who simulate by themselves."""
-    hand = Hand(simulation, read_options(options))
+    hand = Hand(simulation, read_options(PickOptions, "pick", options))
     body = hand.find_thing(thing)
     return _pick(hand, body)
 
@@ -175,7 +166,7 @@ def placing(
     simulation: Runner, pose: RigidTransform | Sequence[float], **options: Any
 ) -> Activity[PlaceResult]:
     """Return what `place` does, for those who simulate by themselves."""
-    hand = Hand(simulation, read_options(options))
+    hand = Hand(simulation, read_options(PickOptions, "pick", options))
     return _place(hand, read_goal(pose))
 
 

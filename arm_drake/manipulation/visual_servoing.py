@@ -9,7 +9,6 @@ thing that moves at a speed v in the picture, e ends at v / gain.
 
 import dataclasses as dc
 import math
-from collections.abc import Mapping
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -21,10 +20,15 @@ from arm_drake.description.joints import WORLD, joints_above
 from arm_drake.description.perception_sensors import CameraSensor
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, quoted, suggest
-from arm_drake.manipulation.hand import Activity, Runner
+from arm_drake.manipulation.hand import Activity, Runner, perform, read_options
 from arm_drake.messages import Duration, JointTrajectory, JointTrajectoryPoint
 from arm_drake.perception.cameras import CameraHandle
-from arm_drake.planning.groups import find_group, motion_limits
+from arm_drake.planning.groups import (
+    find_group,
+    joints_of,
+    motion_limits,
+    takes_positions,
+)
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.kinematics import PlantKinematics
 
@@ -147,29 +151,15 @@ def follow(simulation: Observer, thing: str, **options: Any) -> FollowResult:
             an argument can't be used.
         ArmDrakeError: If the renderer's libraries are missing.
     """
-    activity = following(simulation, thing, **options)
-    while True:
-        try:
-            simulation.advance_to(max(next(activity), simulation.time))
-        except StopIteration as stop:
-            result: FollowResult = stop.value
-            return result
+    return perform(simulation, following(simulation, thing, **options))
 
 
 def following(
     simulation: Observer, thing: str, **options: Any
 ) -> Activity[FollowResult]:
     """Return what `follow` does, for those who simulate by themselves."""
-    return _follow(Servo(simulation, thing, read_follow_options(options)))
-
-
-def read_follow_options(options: Mapping[str, Any]) -> FollowOptions:
-    """Return options given by name, or raise InputError."""
-    names = [field.name for field in dc.fields(FollowOptions)]
-    for name in options:
-        if name not in names:
-            raise InputError(f"follow: no option {name!r}; {suggest(name, names)}")
-    return FollowOptions(**options)
+    chosen = read_options(FollowOptions, "follow", options)
+    return _follow(Servo(simulation, thing, chosen))
 
 
 def _follow(servo: "Servo") -> Activity[FollowResult]:
@@ -392,14 +382,7 @@ def _find_controller(
     """
     carriers, found = _joints_of(robot, link), []
     for controller in robot.controllers.controllers:
-        named = controller.parameters.get("joints")
-        names = tuple(map(str, named.value)) if named is not None else ()
-        interface = controller.parameters.get("interface_name")
-        is_forward = controller.type.endswith("JointGroupPositionController") or (
-            controller.type.endswith("ForwardCommandController")
-            and interface is not None
-            and interface.value == "position"
-        )
+        names, is_forward = joints_of(controller), takes_positions(controller)
         is_trajectory = controller.type.endswith("JointTrajectoryController")
         moved = len(carriers & set(names))
         is_meant = bool(moved) if asked is None else set(names) == set(asked)

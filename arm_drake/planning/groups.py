@@ -87,12 +87,12 @@ def _find_groups(robot: Robot) -> dict[str, PlanningGroup]:
         groups[group.name] = group.joints, group.tip
         grippers |= set(group.joints if group.is_end_effector else ())
     for controller in robot.controllers.controllers:
-        named = tuple(n for n in _joints_of(controller) if n in own)
+        named = tuple(n for n in joints_of(controller) if n in own)
         if controller.type == _TRAJECTORY_CONTROLLER and named:
             groups.setdefault(controller.name, (named, None))
     if not groups:
         for controller in robot.controllers.controllers:
-            named = tuple(n for n in _joints_of(controller) if n in own)
+            named = tuple(n for n in joints_of(controller) if n in own)
             if takes_positions(controller) and named:
                 groups[controller.name] = named, None
     if not groups and own:
@@ -144,7 +144,7 @@ def find_controller(robot: Robot, group: PlanningGroup) -> str | None:
     """Return the name of the trajectory controller of exactly a group's joints."""
     for controller in robot.controllers.controllers:
         is_one = controller.type.endswith("JointTrajectoryController")
-        if is_one and set(_joints_of(controller)) == set(group.joints):
+        if is_one and set(joints_of(controller)) == set(group.joints):
             return controller.name
     return None
 
@@ -154,7 +154,7 @@ def find_position_controller(
 ) -> tuple[str, tuple[str, ...]] | None:
     """Return a controller that takes positions of a group's joints, and their order."""
     for controller in robot.controllers.controllers:
-        joints = _joints_of(controller)
+        joints = joints_of(controller)
         if takes_positions(controller) and set(joints) == set(group.joints):
             return controller.name, joints
     return None
@@ -173,7 +173,8 @@ def require_controller(robot: Robot, group: PlanningGroup) -> str:
     return controller
 
 
-def _joints_of(controller: ControllerConfig) -> tuple[str, ...]:
+def joints_of(controller: ControllerConfig) -> tuple[str, ...]:
+    """Return the joints that a controller's parameter `joints` names."""
     parameter = controller.parameters.get("joints")
     is_list = parameter is not None and isinstance(parameter.value, list)
     return tuple(map(str, parameter.value)) if is_list else ()  # type: ignore[union-attr]

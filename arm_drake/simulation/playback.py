@@ -221,15 +221,14 @@ def _perform(
 
 def _check_task(simulation: Any, message: PickThing | PlaceThing | FollowThing) -> None:
     """Raise InputError if a robot lacks what it takes, or there is no such thing."""
-    from arm_drake.manipulation.hand import Hand, read_options
-    from arm_drake.manipulation.visual_servoing import Servo, read_follow_options
+    from arm_drake.manipulation.hand import Hand, PickOptions, read_options
+    from arm_drake.manipulation.visual_servoing import FollowOptions, Servo
 
+    given = {**message.options, "robot": message.robot}
     if isinstance(message, FollowThing):
-        given = {**message.options, "robot": message.robot}
-        Servo(simulation, message.thing, read_follow_options(given))
+        Servo(simulation, message.thing, read_options(FollowOptions, "follow", given))
         return
-    options = read_options({**message.options, "robot": message.robot})
-    hand = Hand(simulation, options)
+    hand = Hand(simulation, read_options(PickOptions, "pick", given))
     if isinstance(message, PickThing):
         hand.find_thing(message.thing)
 
