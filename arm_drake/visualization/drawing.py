@@ -28,14 +28,17 @@ def frame_robots(
     *,
     room: float = 0.0,
     direction: tuple[float, float, float] = THREE_QUARTER,
-) -> None:
-    """Point the camera so that all of the robots is to be seen, where they are now."""
+) -> float:
+    """Point the camera so that all of the robots is to be seen, where they are now.
+
+    Return how far they reach below the ground; see `frame_shapes`.
+    """
     scene_graph = simulation.diagram.GetSubsystemByName("scene_graph")
     root = simulation.simulator.get_context()
     context = scene_graph.GetMyContextFromRoot(root)
     query = scene_graph.get_query_output_port().Eval(context)
     models = list(simulation.robots)
-    frame_shapes(meshcat, query, models=models, room=room, direction=direction)
+    return frame_shapes(meshcat, query, models=models, room=room, direction=direction)
 
 
 def run_drawing(

@@ -262,8 +262,11 @@ def frame_shapes(
     models: Collection[str] | None = None,
     room: float = 0.0,
     direction: tuple[float, float, float] = THREE_QUARTER,
-) -> None:
+) -> float:
     """Point the camera so that it sees all that is drawn of a scene, or of robots.
+
+    Return how far that reaches below the ground, by more than a fiftieth of its size
+    [m], else 0.
 
     Robots without shapes are framed by their links' origins. The ground's lines are
     closer for what is much smaller than they are, and its surface goes where a robot
@@ -294,11 +297,14 @@ def frame_shapes(
         view = dc.replace(_VIEW, direction=direction)
         camera = view.camera_for((points + sideways[:, None, :]).reshape(-1, 3))
         _look(meshcat, np.array(camera.eye), np.array(camera.target), diameter)
-        is_sunk = float(min(lowest)) < -max(_SUNK * diameter, 2.0 * _BELOW)
+        depth = -float(min(lowest))
+        is_sunk = depth > max(_SUNK * diameter, 2.0 * _BELOW)
         for path in (_PLANE, _OWN_PLANE):
             meshcat.SetProperty(path, "visible", not is_sunk)
-    elif origins:
+        return depth if is_sunk else 0.0
+    if origins:
         frame_points(meshcat, origins, direction)
+    return 0.0
 
 
 def _model(frame: str) -> str:

@@ -193,8 +193,9 @@ def test_a_robot_stands_on_a_ground_unless_it_reaches_below() -> None:
     for height, has_ground in ((0.0, True), (-0.2, False)):
         robot = ad.load_robot("lab5_arm", pose=[0, 0, height, 0, 0, 0])
         sim = ad.Simulation(ad.build_diagram(robot, meshcat=meshcat))
-        frame_robots(sim, meshcat)
+        depth = frame_robots(sim, meshcat)
 
+        assert depth == pytest.approx(0.0 if has_ground else 0.2, abs=1e-3)
         assert meshcat.HasPath("/Grid/ground/plane")
         assert is_visible(meshcat, "/Grid/ground/plane") == has_ground
 

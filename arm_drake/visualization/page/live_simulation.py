@@ -213,8 +213,20 @@ class LiveSimulation:
         self.planning = MotionPlanning(page, SimulatedRobots(self))
         self.parts: list[Part] = make_parts(self, PARTS)
         self._start()
+        self._tell_depth()
         self.ros = self._serve(ros)
         page.set_panel(self._title(), make_sections(self))
+
+    def _tell_depth(self) -> None:
+        """Say what puts a robot on the ground that stands in it."""
+        depth = self.views.depth
+        if depth > 0.0:
+            names = list(self.simulation.robots)
+            who = f"{names[0]} reaches" if len(names) == 1 else "the robots reach"
+            self.note(
+                f"{who} {1e3 * depth:.3g} mm below the ground; to stand on it: --pose "
+                f"x y z roll pitch yaw, with z larger by {depth:.3g}"
+            )
 
     def _find(self, motion: MotionSource | None) -> Motion | None:
         robot = next(iter(self.simulation.robots.values()))

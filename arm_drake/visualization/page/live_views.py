@@ -101,7 +101,8 @@ class LiveViews:
         # Where past positions are set, made when they are first asked for.
         self._past: Context | None = None
         self.look_anew()
-        frame_robots(simulation, scene.meshcat, room=ROOM_TO_MOVE)
+        # How far the robots reach below the ground at first [m].
+        self.depth = frame_robots(simulation, scene.meshcat, room=ROOM_TO_MOVE)
 
     def look_anew(self) -> None:
         """Draw the simulation's diagram from now on, another one than before."""

@@ -80,7 +80,9 @@ DURATION = 1.0
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> ad.Robot:
-    return load(tmp_path_factory.mktemp("robot"), SEEN, CONTROLLERS)
+    folder = tmp_path_factory.mktemp("robot")
+    # It hangs from there, above the ground.
+    return load(folder, SEEN, CONTROLLERS, pose=[0, 0, 3, 0, 0, 0])
 
 
 @pytest.fixture(scope="module")
@@ -446,6 +448,26 @@ def test_news_have_a_line_each_the_newest_first(page: Page, robot: ad.Robot) -> 
         "arm: goal SUCCEEDED, error code 0: Goal successfully reached!",
         "activated group; deactivated arm",
     ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("height", "news"),
+    [
+        (0.0, ""),
+        (
+            -0.2,
+            "0.00 s  arm reaches 200 mm below the ground; to stand on it: --pose "
+            "x y z roll pitch yaw, with z larger by 0.2",
+        ),
+    ],
+)
+def test_who_stands_in_the_ground_hears_of_it(
+    page: Page, height: float, news: str
+) -> None:
+    sunk = ad.load_robot("lab5_arm", pose=[0, 0, height, 0, 0, 0])
+
+    assert make(page, sunk, motion=None).log == news
 
 
 @pytest.mark.slow
