@@ -203,12 +203,11 @@ class LiveSimulation:
         self._history = History(simulation.mailbox, history)
         if frame_rate is not None:
             start_recording(page.meshcat, frame_rate)
-        self._pictures, self._longest = Pictures(), history
+        self._pictures, self._longest, self._log = Pictures(), history, LogLines()
         self._drawn = math.nan  # The time that is drawn [s]; NaN is to be drawn anew.
         # The past time that is shown, and since when in wall time it is replayed [s].
         self._shown_time: float | None = None
         self._replayed_at: float | None = None
-        self._log = LogLines()
         simulation.on_event(lambda event: self._log.add(simulation, event))
         self.planning = MotionPlanning(page, SimulatedRobots(self))
         self.parts: list[Part] = make_parts(self, PARTS)
