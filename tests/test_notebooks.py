@@ -19,6 +19,7 @@ def test_there_are_notebooks():
         "06_gripper_and_contact",
         "07_many_rollouts",
         "08_planning",
+        "09_see_and_measure",
         "10_pick_and_place",
         "11_an_environment",
         "12_roslibpy",

@@ -134,8 +134,14 @@ class CameraSensor(PerceptionSensor):
     # Encoding of depths: "32FC1" [m], or "16UC1" [mm], 0 where it can't tell.
     depth_encoding: str = "32FC1"
 
-    # Distortion k1, k2, p1, p2, k3, as in `sensor_msgs/CameraInfo`.
+    # Distortion k1, k2, p1, p2, k3, as in `sensor_msgs/CameraInfo`, and its centre as
+    # parts of width and height.
     distortion: tuple[float, float, float, float, float] = (0.0,) * 5
+    distortion_center: tuple[float, float] = (0.5, 0.5)
+
+    # Focal lengths and principal point fx, fy, cx, cy [pixels], if they don't follow
+    # from `horizontal_fov`; the first pixel's centre is 0.
+    intrinsics: tuple[float, float, float, float] | None = None
 
     # Frame of its pictures, if not that of its points.
     optical_frame_id: str = ""
@@ -150,9 +156,13 @@ class CameraSensor(PerceptionSensor):
     part: str = ""
 
     @property
-    def focal_length(self) -> float:
-        """Focal length [pixels]."""
-        return self.width / (2.0 * math.tan(self.horizontal_fov / 2.0))
+    def projection(self) -> tuple[float, float, float, float]:
+        """Focal lengths and principal point fx, fy, cx, cy [pixels]."""
+        if self.intrinsics is not None:
+            return self.intrinsics
+        f = self.width / (2.0 * math.tan(self.horizontal_fov / 2.0))
+        # The middle of the picture, where the first pixel's centre is 0.
+        return f, f, (self.width - 1) / 2.0, (self.height - 1) / 2.0
 
     @property
     def has_color(self) -> bool:
@@ -361,6 +371,7 @@ class _SensorReader(ElementReader):
                 self.refuse(problem)
             return None
         depths = _depth_range(self, tag, common.plugin, near, far)
+        distortion, center = self._distortion(tag)
         fields = {f.name: getattr(common, f.name) for f in dc.fields(common)}
         if part:
             fields |= {"name": f"{common.name}_{part}", "part": part}
@@ -377,7 +388,9 @@ class _SensorReader(ElementReader):
             far=far,
             min_depth=depths[0],
             max_depth=depths[1],
-            distortion=self._distortion(tag),
+            distortion=distortion,
+            distortion_center=center,
+            intrinsics=self._intrinsics(tag),
             optical_frame_id=text_of(tag, "optical_frame_id"),
             info_topic=text_of(tag, "camera_info_topic"),
             baseline=self._plugin_number(plugin, "hack_baseline", 0.0),
@@ -404,19 +417,48 @@ class _SensorReader(ElementReader):
         self.refuse(f"unknown pixel format {text!r}; known: {known}")
         return None
 
-    def _distortion(self, tag: ET.Element) -> tuple[float, float, float, float, float]:
+    def _distortion(
+        self, tag: ET.Element
+    ) -> tuple[tuple[float, float, float, float, float], tuple[float, float]]:
+        """Return the coefficients and the centre of a camera's distortion."""
         found = tag.find("distortion")
         k1, k2, p1, p2, k3 = (
             self.value(found, name, 0.0) for name in ("k1", "k2", "p1", "p2", "k3")
         )
-        center = text_of(found, "center") if found is not None else ""
-        if center and center.split() != ["0.5", "0.5"]:
-            what, done = f"distortion center {center!r}", "it is the picture's middle"
+        center = (0.5, 0.5)
+        text = text_of(found, "center") if found is not None else ""
+        if text:
+            numbers = [self.number(word, "distortion center") for word in text.split()]
+            if len(numbers) == 2 and None not in numbers:
+                center = (float(numbers[0] or 0.0), float(numbers[1] or 0.0))
+            elif None not in numbers:
+                self.expected("distortion center", "2 numbers", text)
+        if center != (0.5, 0.5) and any((k1, k2, p1, p2, k3)):
+            what = f"distortion center {text!r}"
+            done = "the picture has it; camera_info can't tell it"
+            self.note("info", "unsupported", what, done)
+        return (k1, k2, p1, p2, k3), center
+
+    def _intrinsics(self, tag: ET.Element) -> tuple[float, float, float, float] | None:
+        """Return what `<lens>` says of the projection, if it does."""
+        kind = text_of(tag, "lens/type")
+        if kind not in ("", "gnomonical"):
+            what, done = f"lens type {kind!r}", "it is a pinhole"
             self.note("warning", "unsupported", what, done)
-        if any((k1, k2, p1, p2, k3)):
-            what, done = "distortion", "camera_info tells it; the picture has none"
+        found = tag.find("lens/intrinsics")
+        if found is None:
+            return None
+        names = ("fx", "fy", "cx", "cy")
+        fx, fy, cx, cy = (self.value(found, name, math.nan) for name in names)
+        if not (0.0 < fx < math.inf and 0.0 < fy < math.inf and math.isfinite(cx + cy)):
+            got = ", ".join(f"{n} {text_of(found, n) or 'nothing'}" for n in names)
+            expected = "fx and fy more than 0, and cx and cy"
+            self.expected("lens intrinsics", expected, got)
+            return None
+        if self.value(found, "s", 0.0):
+            what, done = f"lens skew s {text_of(found, 's')}", "it has none"
             self.note("warning", "unsupported", what, done)
-        return (k1, k2, p1, p2, k3)
+        return fx, fy, cx, cy
 
     def _plugin_number(
         self, plugin: GazeboPlugin | None, tag: str, default: float

@@ -3,12 +3,18 @@
 Conventions: REP 103 (optical frames: z ahead, x right, y down), REP 117 (depths that
 can't be told), REP 118 (depth images). Topics and frames are those of the generation of
 Gazebo that a tag is for; see `arm_drake.description.perception_sensors`.
+
+A pinhole's picture is drawn, larger where the lens sees more, and the lens bends it.
+Sources: Brown, "Decentering distortion of lenses", 1966, with terms and their order as
+in `sensor_msgs/CameraInfo`, "plumb_bob"; gz-rendering, src/ogre2/
+Ogre2DistortionPass.cc; unlike there no border is cropped, for CameraInfo couldn't tell.
 """
 
+import math
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +31,7 @@ from pydrake.systems.framework import Context
 from arm_drake.arrays import Array
 from arm_drake.controllers.gazebo.plugin import as_topic
 from arm_drake.description.gazebo import GazeboPlugin
-from arm_drake.description.perception_sensors import CameraSensor
+from arm_drake.description.perception_sensors import MOST_PIXELS, CameraSensor
 from arm_drake.errors import InputError
 from arm_drake.messages import CameraInfo, Image, Message, PointCloud2
 from arm_drake.perception.images import (
@@ -47,6 +53,14 @@ from arm_drake.perception.sensors import (
 R_SENSOR_OPTICAL: Final = RotationMatrix(
     np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 )
+
+
+# Steps of Newton's method, and the error that is left at most, at a depth of 1.
+_STEPS: Final = 20
+_EXACT: Final = 1e-6
+
+# Neighbours whose depths differ by a larger part are of two things.
+_EDGE: Final = 0.02
 
 
 def topics_of(camera: CameraSensor, robot: str, world: str) -> dict[str, str]:
@@ -96,6 +110,182 @@ def _classic_topics(camera: CameraSensor, plugin: GazeboPlugin) -> dict[str, str
         names |= {"depth_camera_info": "depth/camera_info"}
     names = {key: f"{name}/{end}" for key, end in names.items()}
     return find_classic_topics(plugin, names)
+
+
+class _Bent(NamedTuple):
+    """Where the pixels of a bent picture are in the one that is drawn."""
+
+    # Pixel up and left of each, in a picture made flat, and that next to it.
+    corners: NDArray[np.int64]
+    nearest: NDArray[np.int64]
+
+    # How far it is from that pixel to the right and down, shape (height, width).
+    right: NDArray[np.float32]
+    down: NDArray[np.float32]
+
+    # Whether the lens shows anything there.
+    is_seen: NDArray[np.bool_]
+
+
+class Lens:
+    """Where the pixels of a camera look, and what is drawn for it."""
+
+    def __init__(self, sensor: CameraSensor) -> None:
+        """Reckon it once."""
+        fx, fy, cx, cy = self.drawn = sensor.projection
+        self.width, self.height = sensor.width, sensor.height
+        x = ((np.arange(self.width) - cx) / fx)[None, :]
+        y = ((np.arange(self.height) - cy) / fy)[:, None]
+        self._bent: _Bent | None = None
+        if any(sensor.distortion):
+            middle = [
+                (part * size - 0.5 - c) / f if part != 0.5 else 0.0
+                for part, size, c, f in zip(
+                    sensor.distortion_center,
+                    (self.width, self.height),
+                    (cx, cy),
+                    (fx, fy),
+                    strict=True,
+                )
+            ]
+            bent_x, bent_y = np.broadcast_arrays(x - middle[0], y - middle[1])
+            x, y = undistort(bent_x, bent_y, sensor.distortion)
+            x, y = x + middle[0], y + middle[1]
+            self._bent = self._reckon(x, y)
+        # x and y of where pixels look, at a depth of 1, shapes that make (height,
+        # width) together; NaN where a lens shows nothing.
+        self.rays = (x.astype(np.float32), y.astype(np.float32))
+
+    def _reckon(self, x: Array, y: Array) -> _Bent:
+        """Return how a picture is bent, and have one drawn that is large enough."""
+        fx, fy, cx, cy = self.drawn
+        u, v = fx * x + cx, fy * y + cy
+        # It isn't larger than three times what is seen, or than a camera may have.
+        low_u, high_u = _bounds(u, self.width)
+        low_v, high_v = _bounds(v, self.height)
+        self.width, self.height = high_u - low_u + 1, high_v - low_v + 1
+        self.drawn = (fx, fy, cx - low_u, cy - low_v)
+        u, v = u - low_u, v - low_v
+        with np.errstate(invalid="ignore"):
+            is_seen = (u >= 0) & (v >= 0) & (u <= self.width - 1)
+            is_seen &= v <= self.height - 1
+        u, v = np.where(is_seen, u, 0.0), np.where(is_seen, v, 0.0)
+        left = np.minimum(u.astype(np.int64), self.width - 2)
+        top = np.minimum(v.astype(np.int64), self.height - 2)
+        nearest = np.rint(v).astype(np.int64) * self.width + np.rint(u).astype(np.int64)
+        right, down = (u - left).astype(np.float32), (v - top).astype(np.float32)
+        return _Bent(top * self.width + left, nearest, right, down, is_seen)
+
+    def bend_colors(self, picture: Array) -> Array:
+        """Return a picture as it is seen, shape (height, width, 3), uint8."""
+        if self._bent is None:
+            return picture
+        flat = picture.reshape(-1, 3).astype(np.float32)
+        seen = np.round(self._mix(flat)).astype(np.uint8)
+        seen[~self._bent.is_seen] = 0
+        return np.asarray(seen)
+
+    def bend_depths(self, depths: Array) -> Array:
+        """Return depths as they are seen [m], shape (height, width).
+
+        They are NaN where the lens shows nothing.
+        """
+        bent = self._bent
+        if bent is None:
+            return depths
+        flat = depths.reshape(-1)
+        around = np.stack([flat[bent.corners + step] for step in self._steps])
+        low, high = around.min(axis=0), around.max(axis=0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            is_one = np.isfinite(low) & np.isfinite(high) & (high < (1 + _EDGE) * low)
+            # On a plane the inverse of a depth is linear in a picture.
+            mixed = 1.0 / self._mix(1.0 / flat[:, None])[..., 0]
+        seen = np.where(is_one, mixed, flat[bent.nearest])
+        seen[~bent.is_seen] = np.nan
+        return np.asarray(seen)
+
+    def bend_labels(self, labels: Array) -> Array:
+        """Return labels as they are seen, shape (height, width)."""
+        if self._bent is None:
+            return labels
+        seen = labels.reshape(-1)[self._bent.nearest]
+        return np.asarray(np.where(self._bent.is_seen, seen, 0).astype(labels.dtype))
+
+    @property
+    def _steps(self) -> tuple[int, int, int, int]:
+        return 0, 1, self.width, self.width + 1
+
+    def _mix(self, flat: NDArray[Any]) -> NDArray[Any]:
+        """Return the mean of the four pixels around, by how near they are."""
+        assert self._bent is not None
+        corners, right, down = self._bent.corners, self._bent.right, self._bent.down
+        a, b, c, d = (flat[corners + step] for step in self._steps)
+        right, down = right[..., None], down[..., None]
+        above = a + right * (b - a)
+        return np.asarray(above + down * (c + right * (d - c) - above))
+
+
+def _bounds(pixels: Array, size: int) -> tuple[int, int]:
+    """Return the first and the last pixel that are drawn along an axis."""
+    extra = min(size, (MOST_PIXELS - size) // 2)
+    low = max(math.floor(np.nanmin(pixels, initial=0.0)), -extra)
+    high = min(math.ceil(np.nanmax(pixels, initial=size - 1.0)), size - 1 + extra)
+    return low, max(high, low + 1)
+
+
+def distort(x: Array, y: Array, d: Sequence[float]) -> tuple[Array, Array]:
+    """Return where a lens shows what a pinhole has at x, y, at a depth of 1.
+
+    Args:
+        x: To the right of the distortion's centre, any shape.
+        y: Below it, of the same shape.
+        d: Coefficients k1, k2, p1, p2, k3.
+    """
+    k1, k2, p1, p2, k3 = d
+    r2 = x * x + y * y
+    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    across = 2.0 * x * y
+    return (
+        x * radial + p1 * across + p2 * (r2 + 2.0 * x * x),
+        y * radial + p2 * across + p1 * (r2 + 2.0 * y * y),
+    )
+
+
+def undistort(x: Array, y: Array, d: Sequence[float]) -> tuple[Array, Array]:
+    """Return what a pinhole has where a lens shows x, y; the inverse of `distort`.
+
+    Where there is nothing that a lens would show there it is NaN: a barrel folds what
+    is too far out.
+    """
+    k1, k2, p1, p2, k3 = d
+    at_x, at_y = x.astype(float), y.astype(float)
+    with np.errstate(all="ignore"):
+        for _ in range(_STEPS):
+            r2 = at_x * at_x + at_y * at_y
+            radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+            slope = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3))
+            xx = radial + at_x * at_x * slope + 2.0 * p1 * at_y + 6.0 * p2 * at_x
+            yy = radial + at_y * at_y * slope + 2.0 * p2 * at_x + 6.0 * p1 * at_y
+            xy = at_x * at_y * slope + 2.0 * (p1 * at_x + p2 * at_y)
+            there_x, there_y = distort(at_x, at_y, d)
+            miss_x, miss_y = there_x - x, there_y - y
+            det = xx * yy - xy * xy
+            step_x = (yy * miss_x - xy * miss_y) / det
+            step_y = (xx * miss_y - xy * miss_x) / det
+            at_x, at_y = at_x - step_x, at_y - step_y
+            if np.nanmax(np.hypot(miss_x, miss_y), initial=0.0) < _EXACT / 100.0:
+                break
+        is_right = np.hypot(miss_x, miss_y) < _EXACT
+        is_right &= np.hypot(at_x, at_y) < _fold(d)
+    return np.where(is_right, at_x, np.nan), np.where(is_right, at_y, np.nan)
+
+
+def _fold(d: Sequence[float]) -> float:
+    """Return how far from the centre a lens begins to fold what it shows."""
+    k1, k2, _, _, k3 = d
+    roots = np.roots([7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])
+    squares = [r.real for r in roots if abs(r.imag) < 1e-12 and r.real > 0.0]
+    return math.sqrt(min(squares, default=math.inf))
 
 
 class Camera(SensorSystem):
@@ -181,30 +371,34 @@ class Camera(SensorSystem):
     def info(self) -> CameraInfo:
         """How it projects, without a header."""
         sensor = self.sensor
-        f = sensor.focal_length
-        # The middle of the picture, where the first pixel's centre is 0.
-        cx, cy = (sensor.width - 1) / 2.0, (sensor.height - 1) / 2.0
+        fx, fy, cx, cy = sensor.projection
         return CameraInfo(
             height=sensor.height,
             width=sensor.width,
             d=sensor.distortion,
-            k=(f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0),
-            p=(f, 0.0, cx, -f * sensor.baseline, 0.0, f, cy, 0.0, 0.0, 0.0, 1.0, 0.0),
+            k=(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0),
+            p=(fx, 0, cx, -fx * sensor.baseline, 0, fy, cy, 0, 0, 0, 1, 0),
         )
+
+    @cached_property
+    def lens(self) -> Lens:
+        """What bends its pictures, and where its pixels look."""
+        return Lens(self.sensor)
 
     @cached_property
     def _core(self) -> RenderCameraCore:
         from pydrake.systems import sensors
 
-        sensor, k = self.sensor, self.info.k
+        sensor, lens = self.sensor, self.lens
+        fx, fy, cx, cy = lens.drawn
         intrinsics = sensors.CameraInfo(
-            width=sensor.width,
-            height=sensor.height,
-            focal_x=k[0],
-            focal_y=k[4],
+            width=lens.width,
+            height=lens.height,
+            focal_x=fx,
+            focal_y=fy,
             # Drake's first pixel has its centre at 0.5, that of a CameraInfo at 0.
-            center_x=k[2] + 0.5,
-            center_y=k[5] + 0.5,
+            center_x=cx + 0.5,
+            center_y=cy + 0.5,
         )
         clipping = ClippingRange(sensor.near, sensor.far)
         return RenderCameraCore(RENDERER, intrinsics, clipping, RigidTransform())
@@ -213,6 +407,7 @@ class Camera(SensorSystem):
         camera = ColorRenderCamera(self._core, show_window=False)
         query = self._query.Eval(context)
         picture = self.scenery.color(query, camera, self.pose(context))
+        picture = self.lens.bend_colors(picture)
         noise = self.sensor.noise
         if noise.stddev or noise.mean:
             added = self._noise(context, "color", picture.shape) * 255.0
@@ -226,6 +421,7 @@ class Camera(SensorSystem):
         camera = DepthRenderCamera(self._core, depths)
         query = self._query.Eval(context)
         picture = self.scenery.depth(query, camera, self.pose(context))
+        picture = self.lens.bend_depths(picture)
         noise = sensor.noise
         # Of other cameras the noise is one of colours.
         if sensor.kind == "depth" and (noise.stddev or noise.mean):
@@ -235,7 +431,8 @@ class Camera(SensorSystem):
     def _calc_labels(self, context: Context) -> Array:
         camera = ColorRenderCamera(self._core, show_window=False)
         query = self._query.Eval(context)
-        return self.scenery.labels(query, camera, self.pose(context))
+        labels = self.scenery.labels(query, camera, self.pose(context))
+        return self.lens.bend_labels(labels)
 
     def _noise(self, context: Context, what: str, shape: tuple[int, ...]) -> Array:
         """Return the noise of a picture; at one time it is always the same."""
@@ -262,7 +459,7 @@ class Camera(SensorSystem):
 
     def _make_points(self, context: Context) -> PointCloud2:
         assert self._depth is not None
-        points = project(self._depth.Eval(context), self.info.k)
+        points = project(self._depth.Eval(context), self.lens.rays)
         frame = self._image_frame
         if self.sensor.plugin is None:
             # Gazebo Sim's points are in the frame of the sensor, x ahead.
@@ -341,7 +538,7 @@ class CameraHandle(SensorHandle):
             InputError: If the camera measures no depths, or there is no such frame.
             ArmDrakeError: As `color`.
         """
-        points = project(self.depth(), self.info.k).reshape(-1, 3)
+        points = project(self.depth(), self._camera.lens.rays).reshape(-1, 3)
         seen = points[np.isfinite(points[:, 2])].astype(np.float64)
         if frame == "optical":
             return seen

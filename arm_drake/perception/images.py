@@ -121,17 +121,19 @@ def to_millimetres(depths: NDArray[Any]) -> NDArray[np.uint16]:
     return np.round(1000.0 * np.where(known, depths, 0.0)).astype(np.uint16)
 
 
-def project(depths: NDArray[Any], k: tuple[float, ...]) -> NDArray[np.float32]:
+def project(
+    depths: NDArray[Any], rays: tuple[NDArray[Any], NDArray[Any]]
+) -> NDArray[np.float32]:
     """Return the points that a depth image shows, shape (height, width, 3) [m].
 
     They are in the optical frame, z ahead and y down; NaN where a depth can't be told.
+    `rays` are x and y of where pixels look, at a depth of 1.
     """
     height, width = depths.shape
-    fx, cx, fy, cy = k[0], k[2], k[4], k[5]
     z = np.where(np.isfinite(depths), depths, np.nan).astype(np.float32)
     points = np.empty((height, width, 3), np.float32)
-    points[..., 0] = z * ((np.arange(width) - cx) / fx).astype(np.float32)
-    points[..., 1] = z * ((np.arange(height) - cy) / fy).astype(np.float32)[:, None]
+    points[..., 0] = z * rays[0]
+    points[..., 1] = z * rays[1]
     points[..., 2] = z
     return points
 
