@@ -525,6 +525,8 @@ class Hand:
     def _solve(self, X_WP: RigidTransform) -> list[dict[str, float]]:
         """Return positions of the arm's joints for a pose, the nearest first."""
         palm, joints = self.gripper.palm, self.gripper.group.joints
+        # Where it would be if the base hadn't moved.
+        X_WP = self._moved().inverse() @ X_WP
         try:
             solution = solve_ik(
                 self.robot,
@@ -545,6 +547,15 @@ class Hand:
             raise Failure("reach", text)
         every = (solution.positions, *solution.others)
         return [{name: each[name] for name in joints} for each in every]
+
+    def _moved(self) -> RigidTransform:
+        """Return how the robot's base has moved from where it was loaded."""
+        if not self.robot.has_free_base:
+            return RigidTransform()
+        plant, base = self.simulation.plant, self.robot.description.base
+        model = plant.GetModelInstanceByName(self.robot.name)
+        before = forward_kinematics(self.robot, self._positions(), base)
+        return self._pose(plant.GetBodyByName(base, model)) @ before.inverse()
 
     def _positions(self) -> dict[str, float]:
         """Return where the robot's independent joints are [rad] or [m]."""

@@ -1,5 +1,6 @@
 """Picking and placing: where things are afterwards says whether it worked."""
 
+import dataclasses as dc
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +18,7 @@ from arm_drake.errors import MotionError
 from arm_drake.manipulation import pick_and_place
 from arm_drake.manipulation.hand import Activity, Hand, PickOptions
 from arm_drake.manipulation.pick_and_place import placing
+from arm_drake.planning.grippers import find_gripper
 from arm_drake.simulation.motion_files import load_motion, parse_motion
 from arm_drake.worlds.things import with_things
 from arm_drake.worlds.world import add_world, load_world
@@ -107,6 +109,24 @@ def test_other_arms_do_so_too(name: str) -> None:
     assert placed, placed.reason
     X = pose_of(simulation, "box")
     assert X.translation() == pytest.approx([*goal, 0.02], abs=5e-3)
+
+
+def test_ways_begin_where_a_base_has_gone_to() -> None:
+    robot = load_real_robot("so100_brukg")
+    start = dict.fromkeys(find_gripper(robot).group.joints, 0.3)
+    everything = {**robot.initial_positions, **start}
+    robot = dc.replace(robot, has_free_base=True, initial_positions=everything)
+    simulation = ad.Simulation(ad.build_diagram(robot))
+    plant, base = simulation.plant, robot.description.base
+    context = plant.GetMyContextFromRoot(simulation.context)
+    body = plant.GetBodyByName(base)
+    X_WB = RigidTransform(RollPitchYaw(0.0, 0.0, 1.0), [0.5, -0.3, 0.2])
+    plant.SetFloatingBaseBodyPoseInWorldFrame(context, body, X_WB)
+    hand = Hand(simulation, PickOptions())
+
+    nearest, *_ = hand._solve(hand.palm())
+
+    assert nearest == pytest.approx(start, abs=1e-3)
 
 
 def add_nut(plant: MultibodyPlant, folder: Path) -> None:
