@@ -52,7 +52,7 @@ def test_a_command_runs(
         is_page = any(word in words for word in ("--curve", "--keyboard"))
         words += ["--no-open"] if is_page else ["--headless"]
         # What plans takes the time that it needs.
-        durations = {"plan_to_poses": ["--duration", "6"], "pick_and_place": []}
+        durations = {"plan_to_poses": ["--duration", "6"], "pick_by_camera": []}
         words += durations.get(words[-2], ["--duration", str(DURATION)])
     if words[0] == "view" or (words[0] == "launch" and "--headless" not in words):
         # Without a browser: what it shows can be loaded, and the pose is one.

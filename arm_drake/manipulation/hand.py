@@ -46,6 +46,7 @@ from arm_drake.planning.setting import PlanningError, Running, find_moving
 
 if TYPE_CHECKING:
     from arm_drake.perception.boxes import FoundBox
+    from arm_drake.perception.cameras import CameraHandle
 
 T = TypeVar("T")
 
@@ -142,6 +143,9 @@ class Runner(Running, Protocol):
     def controller(self, name: str) -> Handle:
         """Return what sends to a controller."""
 
+    def camera(self, name: str) -> "CameraHandle":
+        """Return what a camera sees."""
+
 
 @dc.dataclass(frozen=True, kw_only=True)
 class PickOptions:
@@ -158,6 +162,10 @@ class PickOptions:
     # To pick: the box as a camera saw it, in the world. Its pose and size are taken
     # from there; None is as the simulation knows them.
     seen: "FoundBox | None" = None
+
+    # To pick: a camera of the simulation that looks for the box, before each grasp.
+    # Labels tell which pixels show it, and which the robot; all else is from depths.
+    camera: str | None = None
 
     # To place: the pose of the thing in the palm, as the result of a pick with `seen`
     # says; None is as the simulation knows it.
@@ -186,20 +194,37 @@ class PickOptions:
     def __post_init__(self) -> None:
         """Raise InputError for what can't be."""
         for name in ("approach", "lift", "retreat"):
-            value = getattr(self, name)
-            if not isinstance(value, int | float) or not 0.0 < value < math.inf:
+            if not is_number(getattr(self, name), above=0.0):
+                value = getattr(self, name)
                 raise InputError(f"{name}: expected a distance [m], got {value!r}")
+        for name in ("robot", "group", "camera"):
+            value = getattr(self, name)
+            if not isinstance(value, str | None):
+                raise InputError(f"{name}: expected a name, got {value!r}")
         if isinstance(self.tries, bool) or not isinstance(self.tries, int):
             raise InputError(f"tries: expected a number, got {self.tries!r}")
         if self.tries < 1:
             raise InputError(f"tries: expected at least 1, got {self.tries}")
-        upright = self.upright
-        if upright is not None and not isinstance(upright, int | float):
-            raise InputError(f"upright: expected an angle [rad], got {upright!r}")
+        if self.upright is not None and not is_number(self.upright, above=0.0):
+            raise InputError(f"upright: expected an angle [rad], got {self.upright!r}")
         if self.goal is not None:
             read_goal(self.goal)
-        if self.seen is not None and (self.seen.pose is None or self.seen.size is None):
-            raise InputError(f"seen: it is no box: {self.seen.reason}")
+        if not isinstance(self.held, RigidTransform | None):
+            raise InputError(f"held: expected a RigidTransform, got {self.held!r}")
+        if self.seen is not None:
+            if not hasattr(self.seen, "reason"):
+                text = f"expected what find_box returns, got {self.seen!r}"
+                raise InputError(f"seen: {text}")
+            if self.seen.pose is None or self.seen.size is None:
+                raise InputError(f"seen: it is no box: {self.seen.reason}")
+        if self.seen is not None and self.camera is not None:
+            raise InputError("seen: the camera says where the box is; leave one out")
+
+
+def is_number(value: object, *, above: float) -> bool:
+    """Return whether something is a finite number above another."""
+    is_one = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_one and above < value < math.inf  # type: ignore[operator]
 
 
 class Place(NamedTuple):
@@ -282,6 +307,10 @@ class Hand:
         self._mask = self._find_mask()
         self._arm = self._find_drive(self.gripper.group.joints)
         self._fingers = self._find_drive(tuple(self.gripper.open))
+        camera = options.camera
+        self.camera = None if camera is None else simulation.camera(camera)
+        # What a camera saw of the thing, if one is asked.
+        self.seen = options.seen
 
     def _find_mask(self) -> tuple[bool, ...]:
         """Return what of a pose the arm is asked for: with few joints one turn less.
@@ -350,7 +379,7 @@ class Hand:
 
     def known_pose_of(self, thing: str) -> RigidTransform:
         """Return the pose of a thing in the world, as it was seen if it was."""
-        seen = self.options.seen
+        seen = self.seen
         return self.pose_of(thing) if seen is None or not seen.pose else seen.pose
 
     def known_pose_in_palm(self, thing: str) -> RigidTransform:
@@ -384,8 +413,8 @@ class Hand:
 
     def _shape_of(self, thing: str) -> tuple[GraspedShape, RigidTransform]:
         """Return the shape of a thing, and its pose on the body."""
-        if self.options.seen is not None and self.options.seen.size is not None:
-            return Box(self.options.seen.size), RigidTransform()
+        if self.seen is not None and self.seen.size is not None:
+            return Box(self.seen.size), RigidTransform()
         plant = self.simulation.plant
         scene_graph = self.simulation.diagram.GetSubsystemByName("scene_graph")
         assert isinstance(scene_graph, SceneGraph)
@@ -496,6 +525,8 @@ class Hand:
     def _solve(self, X_WP: RigidTransform) -> list[dict[str, float]]:
         """Return positions of the arm's joints for a pose, the nearest first."""
         palm, joints = self.gripper.palm, self.gripper.group.joints
+        # Where it would be if the base hadn't moved.
+        X_WP = self._moved().inverse() @ X_WP
         try:
             solution = solve_ik(
                 self.robot,
@@ -516,6 +547,15 @@ class Hand:
             raise Failure("reach", text)
         every = (solution.positions, *solution.others)
         return [{name: each[name] for name in joints} for each in every]
+
+    def _moved(self) -> RigidTransform:
+        """Return how the robot's base has moved from where it was loaded."""
+        if not self.robot.has_free_base:
+            return RigidTransform()
+        plant, base = self.simulation.plant, self.robot.description.base
+        model = plant.GetModelInstanceByName(self.robot.name)
+        before = forward_kinematics(self.robot, self._positions(), base)
+        return self._pose(plant.GetBodyByName(base, model)) @ before.inverse()
 
     def _positions(self) -> dict[str, float]:
         """Return where the robot's independent joints are [rad] or [m]."""

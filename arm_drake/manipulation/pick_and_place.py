@@ -27,12 +27,18 @@ from arm_drake.manipulation.hand import (
     read_options,
     shifted,
 )
+from arm_drake.manipulation.visual_servoing import PIXELS, find_label
+from arm_drake.perception.boxes import FoundBox, find_box
+from arm_drake.perception.cameras import CameraHandle
 from arm_drake.planning.grasps import Grasp
 
 T = TypeVar("T")
 
 # How much a thing may slip in the fingers while it is lifted [m], [rad].
 _SLIP, _TURN = 0.01, 0.3
+
+# How far around a thing a cloud is looked at for it, and what it stands on [m].
+_AROUND = 0.15
 
 # How much above its pose a thing is let go [m].
 _DROP = 3e-4
@@ -43,7 +49,7 @@ class Attempt(NamedTuple):
 
     grasp: Grasp | None
 
-    # What was done when it failed: "reach", "approach", "close", "lift"; or "".
+    # What was done when it failed: "look", "reach", "approach", "close", "lift"; or "".
     stage: str
 
     # Why it failed, in words; nothing if it didn't.
@@ -66,8 +72,8 @@ class PickResult:
     # What was tried, in order; the last one is the one that holds.
     attempts: tuple[Attempt, ...] = ()
 
-    # The pose of the thing in the gripper's palm, if it is held; with `seen` as the
-    # grasp has it.
+    # The pose of the thing in the gripper's palm, if it is held; as the grasp has it if
+    # it was seen.
     X_PO: RigidTransform | None = None
 
     # How long it took [s].
@@ -177,7 +183,7 @@ def _pick(hand: "Hand", thing: str) -> Activity[PickResult]:
     def result(reason: str) -> PickResult:
         duration = hand.simulation.time - began
         held = None if reason else hand.pose_in_palm(thing)
-        if held is not None and hand.options.seen is not None:
+        if held is not None and hand.seen is not None:
             assert attempts[-1].grasp is not None
             held = attempts[-1].grasp.X_OP.inverse()
         return PickResult(thing, not reason, reason, tuple(attempts), held, duration)
@@ -187,6 +193,12 @@ def _pick(hand: "Hand", thing: str) -> Activity[PickResult]:
         return result(f"the gripper holds {held!r}")
     while len([a for a in attempts if a.stage != "reach"]) < hand.options.tries:
         tried = [a.grasp for a in attempts if a.grasp is not None]
+        if hand.camera is not None:
+            seen = see_box(hand.camera, thing, hand.robot.name)
+            if not seen:
+                attempts.append(Attempt(None, "look", seen.reason))
+                break
+            hand.seen = seen
         found = hand.choose(thing, tried)
         if isinstance(found, str):
             attempts.append(Attempt(None, "reach", found))
@@ -204,6 +216,43 @@ def _pick(hand: "Hand", thing: str) -> Activity[PickResult]:
     told = [a for a in attempts if a.grasp is not None] or [last]
     tries = "" if len(told) < 2 else f"{len(told)} grasps failed, the last one: "
     return result(f"{tries}{told[-1].reason}")
+
+
+def see_box(camera: CameraHandle, thing: str, robot: str) -> FoundBox:
+    """Return the box that a camera sees where its labels show a thing.
+
+    Pixels that show the robot are left out.
+
+    Args:
+        camera: A camera that measures depths.
+        thing: The name of the thing.
+        robot: The name of the robot.
+
+    Raises:
+        InputError: If the camera measures no depths, or there is no such thing.
+    """
+    points, names = camera.points(), camera.label_names
+    _, label = find_label(camera, thing)
+    labels = camera.labels()[np.isfinite(camera.depth())]
+    on_thing = points[labels == label]
+    if len(on_thing) < PIXELS:
+        text = f"camera {camera.sensor.name!r} doesn't see {thing!r}"
+        return FoundBox(success=False, reason=text)
+    own = [n for n, name in enumerate(names) if name.startswith(f"{robot}::")]
+    middle = np.median(on_thing, axis=0)
+    found = find_box(
+        points[~np.isin(labels, own)],
+        region=(tuple(middle - _AROUND), tuple(middle + _AROUND)),
+        near=middle,
+    )
+    if found.pose is None or found.size is None:
+        text = f"what camera {camera.sensor.name!r} sees of {thing!r} is no box"
+        return dc.replace(found, reason=f"{text}: {found.reason}")
+    away = np.abs(found.pose.inverse() @ middle) - 0.5 * found.size
+    if away.max() > _SLIP:
+        text = f"camera {camera.sensor.name!r} sees too little of {thing!r}"
+        return FoundBox(success=False, reason=f"{text}: {len(on_thing)} points")
+    return found
 
 
 def _grasp(

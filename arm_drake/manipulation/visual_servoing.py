@@ -20,7 +20,13 @@ from arm_drake.description.joints import WORLD, joints_above
 from arm_drake.description.perception_sensors import CameraSensor
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, quoted, suggest
-from arm_drake.manipulation.hand import Activity, Runner, perform, read_options
+from arm_drake.manipulation.hand import (
+    Activity,
+    Runner,
+    is_number,
+    perform,
+    read_options,
+)
 from arm_drake.messages import Duration, JointTrajectory, JointTrajectoryPoint
 from arm_drake.perception.cameras import CameraHandle
 from arm_drake.planning.groups import (
@@ -40,17 +46,14 @@ _STEADY, _GAIN = 1.0 / math.e, 1.5
 _DAMPING = 0.01
 
 # Least number of pixels of a thing that is seen.
-_PIXELS = 12
+PIXELS = 12
 
 # A joint without a limit of velocity moves so fast [rad/s] or [m/s].
 _SPEED = 1.0
 
 
 class Observer(Runner, Protocol):
-    """A simulation with cameras."""
-
-    def camera(self, name: str) -> CameraHandle:
-        """Return what a camera sees."""
+    """A simulation that tells where links are."""
 
     def link_poses(self, robot: str | None = None) -> dict[str, RigidTransform]:
         """Return the poses of links in the world."""
@@ -89,8 +92,7 @@ class FollowOptions:
             value = getattr(self, name)
             if value is None and name in ("gain", "distance"):
                 continue
-            is_number = isinstance(value, int | float) and not isinstance(value, bool)
-            if not is_number or not 0.0 < value < math.inf:
+            if not is_number(value, above=0.0):
                 text = f"expected a number above 0, got {value!r}"
                 raise InputError(f"{name}: {text}")
 
@@ -229,7 +231,7 @@ class Servo:
         asked = None if group is None else find_group(self.robot, group).joints
         controller, self.joints, self._kind = _find_controller(self.robot, link, asked)
         self._controller = f"{prefix}{controller}"
-        self.thing, self._label = _find_label(self.camera, thing)
+        self.thing, self._label = find_label(self.camera, thing)
         if options.distance is not None and not self.camera.has("depth"):
             text = f"camera {camera!r} measures none"
             raise InputError(f"distance: it is kept by depths, and {text}")
@@ -273,7 +275,7 @@ class Servo:
     def look(self) -> Feature | None:
         """Return where the thing is in the picture, by image moments, if it is seen."""
         rows, columns = np.nonzero(self.camera.labels() == self._label)
-        if len(rows) < _PIXELS:
+        if len(rows) < PIXELS:
             return None
         k = self.camera.info.k
         x, y = (columns.mean() - k[2]) / k[0], (rows.mean() - k[5]) / k[4]
@@ -360,7 +362,7 @@ def _find_camera(robot: Robot, name: str | None) -> tuple[str, str]:
     return chosen, carried[chosen]
 
 
-def _find_label(camera: CameraHandle, thing: str) -> tuple[str, int]:
+def find_label(camera: CameraHandle, thing: str) -> tuple[str, int]:
     """Return the name and the label of a thing, or raise InputError."""
     names = camera.label_names
     ends = [n for n in names if n.rpartition("::")[2] == thing or n == thing]

@@ -34,6 +34,12 @@ _COARSE, _FINE = math.radians(1.0), math.radians(0.05)
 # Points within this many times the noise are on a face or a plane.
 _ON: Final = 3.0
 
+# Points farther off than so many times the noise are of something else.
+_ASIDE: Final = 4.0
+
+# Points on the sides of what is round are by this nearer to a can or a ball.
+_ROUNDER: Final = 0.85
+
 # Fewer points than these on a face don't tell where it is.
 _LEAST_ON_FACE: Final = 10
 
@@ -154,9 +160,9 @@ def _check(
     up: Sequence[float] | None, noise: float, gap: float, largest: float, least: int
 ) -> _Settings:
     for name, value in (("noise", noise), ("gap", gap), ("largest", largest)):
-        if not 0.0 < value < math.inf:
+        if not _is_number(value) or not 0.0 < value < math.inf:
             raise InputError(f"{name}: expected a length [m] above 0, got {value!r}")
-    if least < 10:
+    if not _is_number(least) or not least >= 10:
         raise InputError(f"least: expected at least 10 points, got {least!r}")
     if up is None:
         return _Settings(None, noise, gap, largest, least)
@@ -166,15 +172,27 @@ def _check(
     return _Settings(normal / np.linalg.norm(normal), noise, gap, largest, least)
 
 
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _array(value: Any) -> Array:
+    """Return an array; what is none is NaN, of no shape."""
+    try:
+        return np.asarray(value, float)
+    except (TypeError, ValueError):
+        return np.array(math.nan)
+
+
 def _vector(value: Any, name: str) -> Array:
-    vector = np.asarray(value, float)
+    vector = _array(value)
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise InputError(f"{name}: expected 3 finite numbers, got {value!r}")
     return vector
 
 
 def _check_points(points: ArrayLike, region: Any) -> Array:
-    cloud = np.asarray(points, float)
+    cloud = _array(points)
     if cloud.ndim != 2 or cloud.shape[1] != 3:
         raise InputError(f"points: expected the shape (n, 3), got {cloud.shape}")
     cloud = cloud[np.isfinite(cloud).all(axis=1)]
@@ -276,6 +294,8 @@ def _boxes_on(
     above = heights > _ON * settings.noise
     boxes, problems = [], []
     R_FP = _level(plane.normal)
+    is_under = (heights < -_ASIDE * settings.noise) & (heights > -settings.gap)
+    under = cloud[is_under] @ R_FP - [0.0, 0.0, plane.distance]
     for index in _clusters(cloud[above], settings):
         points = cloud[above][index] @ R_FP - [0.0, 0.0, plane.distance]
         box = _fit(points, settings)
@@ -283,6 +303,12 @@ def _boxes_on(
             problems.append(f"{_describe(points, R_FP, plane)}: {box}")
             continue
         X_PB, size, residual = box
+        # What stands on a plane doesn't go on below it.
+        local = X_PB.inverse() @ (under.T)
+        near = 0.5 * size[:2, np.newaxis] + _ASIDE * settings.noise
+        if (np.abs(local[:2]) < near).all(axis=0).sum() >= _LEAST_ON_FACE:
+            problems.append(f"{_describe(points, R_FP, plane)}: it goes on below it")
+            continue
         origin = RigidTransform(RotationMatrix(R_FP), plane.distance * plane.normal)
         equation = np.append(plane.normal, plane.distance)
         boxes.append(
@@ -361,10 +387,38 @@ def _fit(
         size, yaw = size[[1, 0, 2]], yaw + 0.5 * math.pi
     X_PB = RigidTransform(RotationMatrix.MakeZRotation(yaw), middle)
     away = _distances((points - middle) @ X_PB.rotation().matrix(), size)
-    residual = float(np.sqrt(np.mean(np.square(away))))
+    residual = _rms(away)
     if residual > 3.0 * noise:
         return f"its points are {residual:.4f} m off the faces of a box"
+    aside = float(np.mean(np.abs(away) > _ASIDE * noise))
+    if aside > _OUTSIDE:
+        text = "it is no box, or touches something"
+        return f"{100.0 * aside:.0f} % of its points are off the faces of a box: {text}"
+    beside = ~on_top if has_top else np.ones(len(points), bool)
+    if beside.sum() >= _LEAST_ON_FACE and _off_round(points[beside], size) < (
+        _ROUNDER * _rms(away[beside])
+    ):
+        return "it is round"
     return X_PB, size, residual
+
+
+def _rms(values: Array) -> float:
+    """Return the root of the mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _off_round(sides: Array, size: Array) -> float:
+    """Return how far points of sides are from an upright can, or a ball [m]."""
+    found = math.inf
+    for count in (2, 3):
+        # |p|^2 = 2 c.p + r^2 - |c|^2 is linear in the middle c and the last two.
+        p = sides[:, :count] - sides[:, :count].mean(axis=0)
+        A = np.column_stack([2.0 * p, np.ones(len(p))])
+        *c, rest = np.linalg.lstsq(A, np.square(p).sum(axis=1), rcond=None)[0]
+        radius = math.sqrt(max(rest + np.square(c).sum(), 0.0))
+        if radius < size[:count].max():
+            found = min(found, _rms(np.linalg.norm(p - c, axis=1) - radius))
+    return found
 
 
 def _covers(points: Array, noise: float) -> bool:
@@ -436,7 +490,8 @@ def _edges(
 
 
 def _distances(points: Array, size: Array) -> Array:
-    """Return how far points are from the surface of a box around the origin [m]."""
+    """Return how far points are from a box around the origin, its bottom left out."""
     beyond = np.abs(points) - 0.5 * size
+    beyond[:, 2] = points[:, 2] - 0.5 * size[2]
     outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
     return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0))

@@ -49,8 +49,8 @@ _SAME = 1e-3
 # The largest change of a joint between points of a line [rad], [m].
 _JUMP = 0.3
 
-# Tries when all solutions are wanted.
-_ALL_TRIES = 100
+# Tries when all solutions are wanted, and when there can be none.
+_ALL_TRIES, _FAR_TRIES = 100, 3
 
 
 @dc.dataclass(frozen=True)
@@ -166,7 +166,10 @@ def solve_ik(
     chain = kinematics.chain(frame, joints)
     q = kinematics.complete(seed or {})
     is_free = _self_check(robot, chain, q) if collision_free else None
-    found, best = _search(chain, q, target, all_solutions, is_free)
+    tries = _ALL_TRIES if all_solutions else _TRIES
+    if target.is_beyond(kinematics.place_of(q, chain.base), chain.reach):
+        tries = _FAR_TRIES
+    found, best = _search(chain, q, target, all_solutions, is_free, tries)
     if not found:
         raise _no_solution(robot, chain, target, best, q)
     found.sort(key=lambda each: float(np.linalg.norm(each.end.values - q[chain.at])))
@@ -318,6 +321,11 @@ class _Target(NamedTuple):
             end.position_error <= self.tolerance[0]
             and end.orientation_error <= self.tolerance[1]
         )
+
+    def is_beyond(self, place: np.ndarray, reach: float) -> bool:
+        """Return whether it is farther from a place than a frame gets [m]."""
+        away = float(np.linalg.norm(self.p - place))
+        return bool(np.all(np.isin([0, 1, 2], self.rows))) and away > reach
 
     def miss(self, X: RigidTransform) -> np.ndarray:
         """Return the twist from X to the pose: [m] in the world, [rad] in the frame."""
@@ -519,11 +527,12 @@ def _search(
     target: _Target,
     finds_all: bool,
     is_free: Callable[[np.ndarray], bool] | None,
+    most: int,
 ) -> tuple[list[_Found], _End]:
     """Return solutions, and the best end of a try."""
     found: list[_Found] = []
     best: _End | None = None
-    starts = chain.starts(q, target, _ALL_TRIES if finds_all else _TRIES)
+    starts = chain.starts(q, target, most)
     for tries, start in enumerate(starts, start=1):
         end = chain.descend(q, start, target)
         if best is None or end.error < best.error:
@@ -699,7 +708,7 @@ def _no_solution(
     positions = chain.spread(q, best.values)
     away = float(np.linalg.norm(target.p - kinematics.place_of(q, chain.base)))
     counts = len(target.rows)
-    is_far = bool(np.all(np.isin([0, 1, 2], target.rows))) and away > chain.reach
+    is_far = target.is_beyond(kinematics.place_of(q, chain.base), chain.reach)
     limits = chain.at_limits(best.values)
     message = (
         f"no joint positions put {chain.frame!r} there; the best miss it by "

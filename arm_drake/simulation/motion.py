@@ -347,6 +347,7 @@ PLAN_OPTIONS: Mapping[str, type] = {
 PICK_OPTIONS: Mapping[str, type | None] = {
     "robot": str,
     "group": str,
+    "camera": str,
     "goal": None,
     "approach": float,
     "lift": float,

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any, NamedTuple, Protocol
 
+from pydrake.math import RigidTransform
+
 from arm_drake.errors import ArmDrakeError, InputError, MotionError
 from arm_drake.messages import SwitchController
 from arm_drake.plant.payloads import Payload, Payloads
@@ -95,6 +97,8 @@ class Player:
         self._waiting: list[MotionStep] = []
         # By robot; None is the first one.
         self._running: dict[str, _Running] = {}
+        # By robot: how what it picked lies in its palm, if a camera saw it.
+        self._held: dict[str | None, RigidTransform] = {}
         self._steps = self._motion.timeline()
         self._next = next(self._steps, None)
 
@@ -182,7 +186,7 @@ class Player:
                 continue
             if self._simulation.rests(message.robot):
                 self._waiting.remove(step)
-                times = _perform(self._simulation, message, where)
+                times = _perform(self._simulation, message, where, self._held)
                 self._running[robot] = _Running(step, times, 0.0)
                 self._go_on(self._simulation.time)
 
@@ -198,9 +202,15 @@ class _Running(NamedTuple):
 
 
 def _perform(
-    simulation: Any, message: PickThing | PlaceThing | FollowThing, where: str
+    simulation: Any,
+    message: PickThing | PlaceThing | FollowThing,
+    where: str,
+    held: dict[str | None, RigidTransform],
 ) -> Iterator[float]:
-    """Yield times until which to simulate [s], while a robot does something."""
+    """Yield times until which to simulate [s], while a robot does something.
+
+    What a camera saw when a thing was picked is kept by robot, until it is placed.
+    """
     from arm_drake.manipulation.pick_and_place import picking, placing
     from arm_drake.manipulation.visual_servoing import following
 
@@ -208,9 +218,12 @@ def _perform(
     try:
         if isinstance(message, PickThing):
             result: Any = yield from picking(simulation, message.thing, **options)
+            if result and "camera" in options:
+                held[message.robot] = result.X_PO
         elif isinstance(message, FollowThing):
             result = yield from following(simulation, message.thing, **options)
         else:
+            options["held"] = held.pop(message.robot, None)
             result = yield from placing(simulation, message.pose, **options)
     except ArmDrakeError as error:
         simulation.reject_task(message, str(error), where=where)

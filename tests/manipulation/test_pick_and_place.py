@@ -1,5 +1,6 @@
 """Picking and placing: where things are afterwards says whether it worked."""
 
+import dataclasses as dc
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +15,10 @@ from pydrake.multibody.tree import SpatialInertia
 
 import arm_drake as ad
 from arm_drake.errors import MotionError
+from arm_drake.manipulation import pick_and_place
+from arm_drake.manipulation.hand import Activity, Hand, PickOptions
 from arm_drake.manipulation.pick_and_place import placing
+from arm_drake.planning.grippers import find_gripper
 from arm_drake.simulation.motion_files import load_motion, parse_motion
 from arm_drake.worlds.things import with_things
 from arm_drake.worlds.world import add_world, load_world
@@ -107,6 +111,24 @@ def test_other_arms_do_so_too(name: str) -> None:
     assert X.translation() == pytest.approx([*goal, 0.02], abs=5e-3)
 
 
+def test_ways_begin_where_a_base_has_gone_to() -> None:
+    robot = load_real_robot("so100_brukg")
+    start = dict.fromkeys(find_gripper(robot).group.joints, 0.3)
+    everything = {**robot.initial_positions, **start}
+    robot = dc.replace(robot, has_free_base=True, initial_positions=everything)
+    simulation = ad.Simulation(ad.build_diagram(robot))
+    plant, base = simulation.plant, robot.description.base
+    context = plant.GetMyContextFromRoot(simulation.context)
+    body = plant.GetBodyByName(base)
+    X_WB = RigidTransform(RollPitchYaw(0.0, 0.0, 1.0), [0.5, -0.3, 0.2])
+    plant.SetFloatingBaseBodyPoseInWorldFrame(context, body, X_WB)
+    hand = Hand(simulation, PickOptions())
+
+    nearest, *_ = hand._solve(hand.palm())
+
+    assert nearest == pytest.approx(start, abs=1e-3)
+
+
 def add_nut(plant: MultibodyPlant, folder: Path) -> None:
     """Add a prism of six sides, as a mesh: 24 mm from face to face, 30 mm high."""
     corners = [
@@ -185,6 +207,90 @@ def test_nothing_is_picked_that_was_not_seen() -> None:
 
     with pytest.raises(ad.ArmDrakeError, match=r"^seen: it is no box: "):
         ad.pick(simulation, "box", seen=nothing)
+
+
+def watched(*things: ad.Thing) -> ad.Simulation:
+    """Return a simulation of the myCobot, seen by a camera."""
+    robot = ad.load_robot(
+        "mycobot_280", xacro_args={"control": "ros2_control"}, pose=POSE
+    )
+    eye = (0.55, 0.0, 0.45, 0.0, 0.86, math.pi)
+    robot = ad.add_camera(robot, "world", eye, name="eye", width=960, height=720)
+    world = with_things(load_world("empty"), things)
+    return ad.Simulation(ad.build_diagram(robot, world=world))
+
+
+@pytest.mark.slow
+def test_of_two_alike_a_camera_tells_which_is_meant_and_where_it_is() -> None:
+    other = ad.Thing("other", "box", BOX.size, mass=0.02)
+    simulation = watched(at(BOX, 0.2, 0.05, 0.4), at(other, 0.2, -0.08))
+
+    picked = ad.pick(simulation, "box", camera="eye")
+
+    assert picked, picked.reason
+    assert ad.held_thing(simulation) == "box"
+    assert picked.X_PO is not None
+    # The fingers have moved it to their middle.
+    X_WP = Hand(simulation, PickOptions()).palm()
+    miss = pose_of(simulation, "box").translation() - (X_WP @ picked.X_PO).translation()
+    assert np.linalg.norm(miss) < 3e-3
+
+
+@pytest.mark.parametrize(
+    ("things", "reason"),
+    [
+        ([at(BOX, -0.6, 0.0)], "camera 'eye' doesn't see 'box'"),
+        (
+            [at(ad.Thing("box", "sphere", (0.018,), mass=0.01), 0.2, 0.05)],
+            "what camera 'eye' sees of 'box' is no box: a cluster of",
+        ),
+    ],
+)
+def test_what_a_camera_does_not_see_is_not_picked(
+    things: list[ad.Thing], reason: str
+) -> None:
+    simulation = watched(*things)
+
+    picked = ad.pick(simulation, "box", camera="eye")
+
+    assert not picked
+    assert picked.attempts[0].stage == "look"
+    assert picked.reason.startswith(reason)
+    assert simulation.time == 0.0
+
+
+def test_a_motion_places_what_a_camera_saw_as_it_was_seen(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    X_PO, given = RigidTransform([0.0, 0.0, 0.1]), []
+
+    def fake_picking(*_: Any, **__: Any) -> Activity[ad.PickResult]:
+        yield 0.0
+        return ad.PickResult("box", success=True, X_PO=X_PO)
+
+    def fake_placing(*_: Any, held: Any, **__: Any) -> Activity[ad.PlaceResult]:
+        given.append(held)
+        yield 0.0
+        return ad.PlaceResult("box", success=True)
+
+    monkeypatch.setattr(pick_and_place, "picking", fake_picking)
+    monkeypatch.setattr(pick_and_place, "placing", fake_placing)
+    seen = {"pick": {"thing": "box", "camera": "eye"}}
+    place = {"place": [0.2, 0.1, 0.02]}
+
+    watched(BOX).run(1.0, parse_motion([seen, place, {"pick": "box"}, place]))
+
+    assert given == [X_PO, None]
+
+
+def test_a_camera_that_there_is_not_is_an_error() -> None:
+    simulation = watched(BOX)
+
+    with pytest.raises(ad.ArmDrakeError, match=r"no camera 'ey'.*'eye'"):
+        ad.pick(simulation, "box", camera="ey")
+    motion = parse_motion([{"pick": {"thing": "box", "camera": "ey"}}])
+    with pytest.raises(MotionError, match=r"no camera 'ey'.*'eye'"):
+        simulation.run(0.1, motion)
 
 
 @pytest.mark.slow
@@ -275,5 +381,24 @@ def test_an_unknown_thing_or_option_is_an_error_that_names_those_there_are() -> 
         ad.pick(simulation, "bx")
     with pytest.raises(ad.ArmDrakeError, match=r"no option 'lft'.*'lift'"):
         ad.pick(simulation, "box", lft=0.1)
-    with pytest.raises(ad.ArmDrakeError, match=r"lift: expected a distance"):
-        ad.pick(simulation, "box", lift=-0.1)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"lift": -0.1}, "lift: expected a distance [m], got -0.1"),
+        ({"lift": "high"}, "lift: expected a distance [m], got 'high'"),
+        ({"upright": "yes"}, "upright: expected an angle [rad], got 'yes'"),
+        ({"group": 3}, "group: expected a name, got 3"),
+        ({"tries": 0}, "tries: expected at least 1, got 0"),
+        ({"held": 3}, "held: expected a RigidTransform, got 3"),
+        ({"seen": 3}, "seen: expected what find_box returns, got 3"),
+    ],
+)
+def test_an_option_that_can_not_be_used_is_named(
+    options: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ad.ArmDrakeError) as error:
+        PickOptions(**options)
+
+    assert str(error.value) == message

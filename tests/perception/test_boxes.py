@@ -173,6 +173,40 @@ def test_what_is_no_box_is_not_called_one() -> None:
     assert "off the faces of a box" in found.reason
 
 
+def make_can(radius: float, height: float) -> np.ndarray:
+    """Return points on the side of a can that the eye sees, and on its top."""
+    random = np.random.default_rng(1)
+    middle = math.atan2(_EYE[1], _EYE[0])
+    count = int(math.pi * radius * height / 2e-6)
+    angle = middle + random.uniform(-0.5 * math.pi, 0.5 * math.pi, count)
+    z, on_top = random.uniform(0.0, height, count), int(radius * count / height)
+    around = random.uniform(0.0, 2.0 * math.pi, on_top)
+    r = radius * np.sqrt(random.uniform(0.0, 1.0, on_top))
+    side = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), z])
+    top = [r * np.cos(around), r * np.sin(around), np.full(on_top, height)]
+    return np.vstack([side, np.column_stack(top)])
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.015, 0.03])
+def test_a_can_is_not_called_a_box(radius: float) -> None:
+    noisy = ad.find_box(blur(make_table(), make_can(radius, 0.05)))
+    exact = ad.find_box(np.vstack([make_table(), make_can(radius, 0.05)]))
+
+    assert not noisy
+    assert not exact
+
+
+@pytest.mark.parametrize(("x", "height"), [(-0.055, 0.01), (0.07, 0.035)])
+def test_two_boxes_that_touch_are_not_measured_as_one(x: float, height: float) -> None:
+    tall = make_box((0.08, 0.05, 0.05), (0.0, 0.0, 0.025), 0.0)
+    low = make_box((0.03 if x < 0 else 0.06, 0.05, height), (x, 0.0, 0.5 * height), 0.0)
+
+    found = ad.find_box(blur(make_table(), tall, low))
+
+    assert not found
+    assert "off the faces of a box" in found.reason
+
+
 @pytest.mark.parametrize(
     ("cloud", "reason"),
     [
@@ -197,6 +231,9 @@ def test_why_nothing_is_found_is_said(cloud: np.ndarray, reason: str) -> None:
     [
         ([[0.0, 0.0]], {}, "points: expected the shape (n, 3), got (1, 2)"),
         ([[0.0] * 3], {"noise": 0.0}, "noise: expected a length [m] above 0, got 0.0"),
+        ("cloud", {}, "points: expected the shape (n, 3), got ()"),
+        ([[0.0] * 3], {"gap": "5"}, "gap: expected a length [m] above 0, got '5'"),
+        ([[0.0] * 3], {"up": "z"}, "up: expected 3 finite numbers, got 'z'"),
         ([[0.0] * 3], {"up": (0, 0, 0)}, "up: expected a direction, got (0, 0, 0)"),
         ([[0.0] * 3], {"least": 3}, "least: expected at least 10 points, got 3"),
         (
@@ -212,7 +249,7 @@ def test_why_nothing_is_found_is_said(cloud: np.ndarray, reason: str) -> None:
     ],
 )
 def test_wrong_arguments_are_named(
-    points: list[list[float]], options: dict[str, Any], message: str
+    points: Any, options: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(InputError) as error:
         ad.find_box(points, **options)

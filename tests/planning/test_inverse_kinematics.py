@@ -1,5 +1,6 @@
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -7,6 +8,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 import arm_drake as ad
 from arm_drake.errors import InputError
+from arm_drake.planning.inverse_kinematics import _Chain
 
 POSITION = (True, True, True, False, False, False)
 
@@ -109,6 +111,23 @@ def test_a_link_out_of_reach_is_said_to_be(planar: ad.Robot) -> None:
     assert str(caught.value).endswith(
         "it is out of reach: 3 m from joint 'shoulder', and 'tip' gets 2 m far"
     )
+
+
+def test_what_is_out_of_reach_is_refused_after_a_few_tries(
+    planar: ad.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tries, descend = [], _Chain.descend
+
+    def count(*args: Any) -> Any:
+        tries.append(args)
+        return descend(*args)
+
+    monkeypatch.setattr(_Chain, "descend", count)
+
+    with pytest.raises(ad.NoSolution):
+        planar.solve_ik("tip", [3.0, 0.0, 0, 0, 0, 0], mask=POSITION)
+
+    assert len(tries) <= 3
 
 
 def test_limits_that_stand_in_the_way_are_named() -> None:

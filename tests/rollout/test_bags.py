@@ -33,7 +33,7 @@ CONTROL = {
 }
 
 # Motions that need a scene of their own.
-SCENES = ("follow", "pick_and_place")
+SCENES = ("follow", "pick_and_place", "pick_by_camera")
 
 MOTIONS = [
     (robot, motion)
