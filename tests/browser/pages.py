@@ -288,14 +288,14 @@ class Screen:
 
 
 @contextlib.contextmanager
-def look_at(browser: Browser, url: str) -> Iterator[Screen]:
+def look_at(browser: Browser, url: str, **options: object) -> Iterator[Screen]:
     """Open a page in a browser, and close it in the end."""
-    context = new_context(browser, viewport=_SIZE)
+    context = new_context(browser, **{"viewport": _SIZE, **options})
     try:
         page = context.new_page()
         page.add_init_script(_NOTE_MARK)
         page.goto(url)
-        page.wait_for_selector("details")
+        page.wait_for_selector("details", state="attached")  # On phones it is folded.
         yield Screen(page)
     finally:
         context.close()

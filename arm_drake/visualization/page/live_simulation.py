@@ -693,7 +693,7 @@ def make_sections(live: LiveSimulation) -> list[Section]:
             Button("step", "step", "one cycle of the controllers (s)", key="s"),
             Button("reset", "reset", "back to the start"),
             Button("replay", "replay", "what was so far"),
-            Button("end", "end", "end the program, as Ctrl-C does"),
+            Button("end", "end", "end the program, as Ctrl-C does", question="end it?"),
         )
     )
     if live.scene is not None:

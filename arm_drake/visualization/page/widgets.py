@@ -42,6 +42,10 @@ class Button:
     # Key of the keyboard that clicks it, as in JavaScript's KeyboardEvent.key.
     key: str = ""
 
+    # What it says after a click, for a while, in which a second one counts; nothing
+    # is for buttons whose first click counts.
+    question: str = ""
+
 
 @dc.dataclass(frozen=True)
 class Buttons:

@@ -62,9 +62,19 @@ const makers = {
 
     button(w) {
         const element = make("button", {title: w.hint});
-        element.addEventListener("click", () => say(w.id));
+        let is_asking = false;
+        const ask = (asks) => {
+            is_asking = asks;
+            update();
+        };
+        element.addEventListener("click", () => {
+            const is_meant = is_asking || !w.question;
+            if (is_meant) say(w.id);
+            else setTimeout(ask, 4000, false);
+            ask(!is_meant);
+        });
         const update = () => {
-            element.textContent = w.label;
+            element.textContent = is_asking ? w.question : w.label;
             element.disabled = !w.is_enabled;
         };
         return [element, update];
