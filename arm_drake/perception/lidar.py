@@ -11,6 +11,7 @@ gazebo_ros_ray_sensor.cpp; ros_gz_bridge, src/convert/sensor_msgs.cpp; REP 117.
 
 import importlib.util
 import itertools
+import math
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -185,35 +186,43 @@ class RayScene:
                 self._trees.append(_make_tree(place, np.concatenate(found), culled))
 
     def cast(
-        self, query: QueryObject, origins: Array, directions: Array, longest: float
+        self,
+        query: QueryObject,
+        origin: Array,
+        ways: Array,
+        shortest: float,
+        longest: float,
     ) -> Array:
         """Return how far rays come [m], shape (n,); +inf where they meet nothing.
 
         Args:
             query: Tells where the frames are.
-            origins: Where the rays begin in the world [m], shape (n, 3).
-            directions: Their unit vectors in the world, shape (n, 3).
+            origin: Where the rays begin in the world [m], shape (3,).
+            ways: Their unit vectors in the world, shape (n, 3).
+            shortest: What is nearer isn't met [m].
             longest: How far they go at most [m].
         """
         frames = query.inspector().GetAllFrameIds()
-        nearest = np.full(len(origins), np.inf)
+        nearest = np.full(len(ways), np.inf)
         for tree in self._trees:
-            X_FW = query.GetPoseInWorld(frames[tree.place]).inverse()
-            R = X_FW.rotation().matrix().T
-            starts = origins @ R + X_FW.translation()
-            way = directions @ R
-            to_center = tree.center - starts
-            along = np.einsum("ij,ij->i", to_center, way)
-            beside = np.einsum("ij,ij->i", to_center, to_center) - along**2
-            meets = beside <= tree.radius**2
-            meets &= (along >= -tree.radius) & (along <= longest + tree.radius)
-            if not meets.any():
+            X_WF = RigidTransform(query.GetPoseInWorld(frames[tree.place]))
+            to_center = X_WF.multiply(tree.center) - origin
+            outside = float(to_center @ to_center) - tree.radius**2
+            if outside > 0.0 and math.hypot(*to_center) - tree.radius > longest:
                 continue
+            along = ways @ to_center
+            meets: Any = slice(None)
+            if outside > 0.0:
+                # A ray that passes the sphere beside or behind meets nothing in it.
+                meets = np.flatnonzero(along >= math.sqrt(outside))
+                if not len(meets):
+                    continue
+            R_WF = X_WF.rotation().matrix()
             # Embree reckons in single precision: from near the shapes it is exact.
-            ahead = np.maximum(along[meets] - 1.01 * tree.radius, 0.0)
-            ways = way[meets]
-            begin = starts[meets] + ahead[:, None] * ways
-            hits = tree.hit(begin, ways)
+            ahead = np.maximum(along[meets] - 1.01 * tree.radius, shortest)
+            seen = ways[meets] @ R_WF
+            begin = R_WF.T @ (origin - X_WF.translation()) + ahead[:, None] * seen
+            hits = tree.hit(begin, seen)
             distances = np.where(hits < _NO_HIT, hits + ahead, np.inf)
             nearest[meets] = np.minimum(nearest[meets], distances)
         nearest[nearest > longest] = np.inf
@@ -356,9 +365,9 @@ class Lidar(SensorSystem):
             scenes[role] = RayScene(query.inspector(), role)
         X_WS, shape = self.pose(context), self.directions.shape[:2]
         ways = self.directions.reshape(-1, 3) @ X_WS.rotation().matrix().T
-        begin = X_WS.translation() + sensor.range_min * ways
-        longest = sensor.range_max - sensor.range_min
-        ranges = scenes[role].cast(query, begin, ways, longest) + sensor.range_min
+        ranges = scenes[role].cast(
+            query, X_WS.translation(), ways, sensor.range_min, sensor.range_max
+        )
         noise = sensor.noise
         if noise.stddev or noise.mean:
             # What isn't there has no noise.
