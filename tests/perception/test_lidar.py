@@ -29,6 +29,7 @@ def load(
     more: str = "",
     limits: str = "<min>0.05</min><max>20</max>",
     noise: str = "",
+    turned: str = "0 0 0",
 ) -> ad.Robot:
     return ad.load_robot(
         f"""<robot name="r"><link name="world"/><link name="base">
@@ -36,7 +37,7 @@ def load(
 <inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>
 {shapes}</link><link name="eye"/>
 <joint name="a" type="fixed"><parent link="world"/><child link="base"/>
-<origin xyz="0 0 1"/></joint>
+<origin xyz="0 0 1" rpy="{turned}"/></joint>
 <joint name="b" type="fixed"><parent link="base"/><child link="eye"/></joint>
 <gazebo reference="eye"><sensor name="front" type="{kind}">{more}
 <lidar><scan>{scan}</scan><range>{limits}</range>{noise}</lidar>
@@ -91,6 +92,20 @@ def test_a_turned_box_is_a_plane_at_an_angle() -> None:
     away = 2.0 * math.cos(turned) - 0.1
     expected = away / np.cos(angles - turned)
     np.testing.assert_allclose(ranges[ahead], expected[ahead], atol=1e-5)
+
+
+def test_a_link_that_is_turned_takes_its_lidar_and_shapes_along() -> None:
+    ball = shape('<sphere radius="0.5"/>', xyz="2 0.3 0")
+    limits = "<min>0.05</min><max>2.5</max>"
+    level = look(load(ball, limits=limits))
+    turned = look(load(ball, limits=limits, turned="0.1 -0.2 2.0"))
+
+    assert np.isfinite(level.ranges()).sum() > 20
+    # The ground is farther than the lidar tells.
+    np.testing.assert_allclose(turned.ranges(), level.ranges(), atol=1e-4)
+    centre = turned.pose @ [2.0, 0.3, 0.0]
+    away = np.linalg.norm(turned.points() - centre, axis=1)
+    np.testing.assert_allclose(away, 0.5, atol=1e-3)
 
 
 @pytest.mark.parametrize("kind", ["gpu_lidar", "ray"])
