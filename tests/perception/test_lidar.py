@@ -1,5 +1,6 @@
 """Lidars, judged by closed forms of rays and by Drake's distances."""
 
+import dataclasses as dc
 import math
 from pathlib import Path
 
@@ -8,9 +9,14 @@ import pytest
 from trimesh import creation
 
 import arm_drake as ad
+from arm_drake.description.perception_sensors import Noise
 from arm_drake.errors import ArmDrakeError, InputError
+from arm_drake.messages import Twist, Vector3
 from arm_drake.perception import lidar as lidars
 from arm_drake.perception.images import to_points
+from arm_drake.worlds.things import Thing, with_things
+from arm_drake.worlds.world import load_world
+from tests.robots import load_real_robot
 
 _AROUND = (
     "<samples>361</samples><min_angle>-3.141592653589793</min_angle>"
@@ -301,3 +307,43 @@ def test_classics_ray_looks_out_of_a_mesh_that_it_is_in(tmp_path: Path) -> None:
     expected = _to_circle(np.linspace(-math.pi, math.pi, 361), 2.0, 0.5)
     assert np.isposinf(inside[:140]).all()
     np.testing.assert_allclose(inside[170:191], expected[170:191], atol=1e-3)
+
+
+def test_a_public_base_that_drives_sees_the_walls_where_they_are() -> None:
+    robot = load_real_robot("pmb2")
+    # Its laser has a noise of some centimetres.
+    [laser] = [s for s in robot.description.perception_sensors if "laser" in s.name]
+    exact = dc.replace(laser, noise=Noise())
+    description = dc.replace(robot.description, perception_sensors=(exact,))
+    places = [(3.1, 0.0), (-3.1, 0.0), (0.0, 2.1), (0.0, -2.1)]
+    walls = [
+        Thing(
+            f"wall_{index}",
+            "box",
+            (0.2, 4.0, 1.0) if x else (6.0, 0.2, 1.0),
+            fixed=True,
+            pose=(x, y, 0.5, 0.0, 0.0, 0.0),
+        )
+        for index, (x, y) in enumerate(places)
+    ]
+    simulation = ad.Simulation(
+        ad.build_diagram(
+            dc.replace(robot, description=description),
+            world=with_things(load_world("empty"), walls),
+        )
+    )
+    lidar = simulation.lidar(laser.name)
+    start = lidar.pose
+    for _ in range(10):
+        twist = Twist(Vector3(x=0.4), Vector3(z=0.8))
+        simulation.controller("mobile_base_controller").send_velocity(twist)
+        simulation.run(0.1)
+
+    points = lidar.points()
+
+    moved = start.inverse() @ lidar.pose
+    assert np.linalg.norm(moved.translation()) > 0.1
+    assert moved.rotation().ToAngleAxis().angle() > 0.1
+    off = np.abs(np.abs(points[:, :2]) - [3.0, 2.0]).min(axis=1)
+    assert len(points) > 600
+    np.testing.assert_allclose(off, 0.0, atol=1e-3)
