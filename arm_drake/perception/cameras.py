@@ -500,7 +500,8 @@ class CameraHandle(SensorHandle):
     def depth(self) -> NDArray[np.float32]:
         """Return depths along the axis [m], shape (height, width).
 
-        What is nearer than the camera can tell is -inf, what is farther +inf.
+        What is nearer than the camera can tell is -inf, what is farther +inf; where its
+        lens shows nothing it is NaN.
 
         Raises:
             InputError: If the camera measures none.

@@ -11,6 +11,7 @@ gazebo_ros_ray_sensor.cpp; ros_gz_bridge, src/convert/sensor_msgs.cpp; REP 117.
 
 import importlib.util
 import itertools
+import math
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -88,6 +89,12 @@ _BEHIND: Final = 1e-5
 # Farther is no hit [m]; Embree says 1e37.
 _NO_HIT: Final = 1e30
 
+# Without Embree: pairs of a ray and a triangle that are tried, at most and at once, and
+# by how much a ray may pass a triangle, as a part of its sides.
+_MOST_PAIRS: Final = 20_000_000
+_PAIRS_AT_ONCE: Final = 100_000
+_EDGE: Final = 1e-9
+
 
 def topics_of(lidar: LidarSensor, robot: str, world: str) -> dict[str, str]:
     """Return the topics of a lidar by what is on them.
@@ -160,16 +167,7 @@ class RayScene:
     """The shapes of a diagram, for rays."""
 
     def __init__(self, inspector: SceneGraphInspector, role: Role) -> None:
-        """Make the trees.
-
-        Raises:
-            ArmDrakeError: If Embree is missing.
-        """
-        if importlib.util.find_spec("embreex") is None:
-            raise ArmDrakeError(
-                "lidars need Embree, and the package embreex isn't there; it comes "
-                "with the extra: pip install 'arm-drake[lidar]'"
-            )
+        """Make the trees."""
         self._trees: list[_Tree] = []
         for place, frame in enumerate(inspector.GetAllFrameIds()):
             ids = inspector.GetGeometries(frame, role)
@@ -185,47 +183,115 @@ class RayScene:
                 self._trees.append(_make_tree(place, np.concatenate(found), culled))
 
     def cast(
-        self, query: QueryObject, origins: Array, directions: Array, longest: float
+        self,
+        query: QueryObject,
+        origin: Array,
+        ways: Array,
+        shortest: float,
+        longest: float,
     ) -> Array:
         """Return how far rays come [m], shape (n,); +inf where they meet nothing.
 
         Args:
             query: Tells where the frames are.
-            origins: Where the rays begin in the world [m], shape (n, 3).
-            directions: Their unit vectors in the world, shape (n, 3).
+            origin: Where the rays begin in the world [m], shape (3,).
+            ways: Their unit vectors in the world, shape (n, 3).
+            shortest: What is nearer isn't met [m].
             longest: How far they go at most [m].
+
+        Raises:
+            ArmDrakeError: If Embree is missing, and without it would take too long.
         """
         frames = query.inspector().GetAllFrameIds()
-        nearest = np.full(len(origins), np.inf)
+        nearest = np.full(len(ways), np.inf)
         for tree in self._trees:
-            X_FW = query.GetPoseInWorld(frames[tree.place]).inverse()
-            R = X_FW.rotation().matrix().T
-            starts = origins @ R + X_FW.translation()
-            way = directions @ R
-            to_center = tree.center - starts
-            along = np.einsum("ij,ij->i", to_center, way)
-            beside = np.einsum("ij,ij->i", to_center, to_center) - along**2
-            meets = beside <= tree.radius**2
-            meets &= (along >= -tree.radius) & (along <= longest + tree.radius)
-            if not meets.any():
+            X_WF = RigidTransform(query.GetPoseInWorld(frames[tree.place]))
+            to_center = X_WF.multiply(tree.center) - origin
+            outside = float(to_center @ to_center) - tree.radius**2
+            if outside > 0.0 and math.hypot(*to_center) - tree.radius > longest:
                 continue
+            along = ways @ to_center
+            meets: Any = slice(None)
+            if outside > 0.0:
+                # A ray that passes the sphere beside or behind meets nothing in it.
+                meets = np.flatnonzero(along >= math.sqrt(outside))
+                if not len(meets):
+                    continue
+            R_WF = X_WF.rotation().matrix()
             # Embree reckons in single precision: from near the shapes it is exact.
-            ahead = np.maximum(along[meets] - 1.01 * tree.radius, 0.0)
-            ways = way[meets]
-            begin = starts[meets] + ahead[:, None] * ways
-            hits = tree.hit(begin, ways)
+            ahead = np.maximum(along[meets] - 1.01 * tree.radius, shortest)
+            seen = ways[meets] @ R_WF
+            begin = R_WF.T @ (origin - X_WF.translation()) + ahead[:, None] * seen
+            hits = tree.hit(begin, seen)
             distances = np.where(hits < _NO_HIT, hits + ahead, np.inf)
             nearest[meets] = np.minimum(nearest[meets], distances)
         nearest[nearest > longest] = np.inf
         return nearest
 
 
-def _make_tree(place: int, triangles: Array, culled: NDArray[np.bool_]) -> _Tree:
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
+class _SlowScene:
+    """What Embree does, in its words: each ray is tried with each triangle.
 
-    scene = EmbreeScene(robust=True)
-    TriangleMesh(scene, triangles.astype(np.float32))
+    Source: Moller and Trumbore, "Fast, minimum storage ray/triangle intersection",
+    1997.
+    """
+
+    def __init__(self, triangles: Array) -> None:
+        """Take the triangles, shape (n, 3, 3) [m]."""
+        self._first = triangles[:, 0]
+        self._sides = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - self._first
+
+    def run(
+        self, starts: Array, ways: Array, *, query: str, output: bool = False
+    ) -> Any:
+        """Return how far rays come [m], and which triangles they meet with `output`.
+
+        Raises:
+            ArmDrakeError: If there are too many of them.
+        """
+        count = len(self._first)
+        if len(starts) * count > _MOST_PAIRS:
+            raise ArmDrakeError(
+                f"{len(starts)} rays at {count} triangles need Embree, and the package "
+                "embreex isn't there; it comes with the extra: "
+                "pip install 'arm-drake[lidar]'"
+            )
+        far = np.full(len(starts), 10.0 * _NO_HIT)
+        faces = np.full(len(starts), -1)
+        for some in np.array_split(
+            np.arange(len(starts)), 1 + len(starts) * count // _PAIRS_AT_ONCE
+        ):
+            if len(some) and count:
+                distances = self._meet(starts[some, None], ways[some, None])
+                faces[some] = distances.argmin(axis=1)
+                far[some] = distances.min(axis=1)
+        faces[far > _NO_HIT] = -1
+        return {"tfar": far, "primID": faces} if output else far
+
+    def _meet(self, start: Array, way: Array) -> Array:
+        """Return how far rays, shape (n, 1, 3), come to each triangle [m]."""
+        one, two = self._sides
+        across = np.cross(way, two)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            inverse = 1.0 / np.sum(across * one, axis=-1)
+            away = start - self._first
+            u = inverse * np.sum(away * across, axis=-1)
+            beside = np.cross(away, one)
+            v = inverse * np.sum(way * beside, axis=-1)
+            far = inverse * np.sum(two * beside, axis=-1)
+            # An edge belongs to both of its triangles.
+            meets = (u >= -_EDGE) & (v >= -_EDGE) & (u + v <= 1.0 + _EDGE) & (far > 0)
+        return np.where(meets, far, 10.0 * _NO_HIT)
+
+
+def _make_tree(place: int, triangles: Array, culled: NDArray[np.bool_]) -> _Tree:
+    scene: Any = _SlowScene(triangles)
+    if importlib.util.find_spec("embreex") is not None:
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
+
+        scene = EmbreeScene(robust=True)
+        TriangleMesh(scene, triangles.astype(np.float32))
     corners = triangles.reshape(-1, 3)
     center = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
     radius = float(np.linalg.norm(corners - center, axis=1).max())
@@ -356,9 +422,9 @@ class Lidar(SensorSystem):
             scenes[role] = RayScene(query.inspector(), role)
         X_WS, shape = self.pose(context), self.directions.shape[:2]
         ways = self.directions.reshape(-1, 3) @ X_WS.rotation().matrix().T
-        begin = X_WS.translation() + sensor.range_min * ways
-        longest = sensor.range_max - sensor.range_min
-        ranges = scenes[role].cast(query, begin, ways, longest) + sensor.range_min
+        ranges = scenes[role].cast(
+            query, X_WS.translation(), ways, sensor.range_min, sensor.range_max
+        )
         noise = sensor.noise
         if noise.stddev or noise.mean:
             # What isn't there has no noise.
@@ -444,7 +510,7 @@ class LidarHandle(SensorHandle):
         They are +inf where there is nothing between its least and greatest range.
 
         Raises:
-            ArmDrakeError: If the package embreex is missing.
+            ArmDrakeError: If the package embreex is missing, and there are many rays.
         """
         ranges: NDArray[np.float64] = self._eval()
         return ranges.copy()

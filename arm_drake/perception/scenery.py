@@ -68,9 +68,6 @@ class _Loaded(NamedTuple):
     # Of each frame of the diagram that anything hangs on: its place among all of them.
     frames: Sequence[tuple[int, FrameId]]
 
-    # Place of each frame of the diagram by name.
-    places: dict[str, int]
-
 
 class Mark(NamedTuple):
     """A shape that is seen, and isn't in the diagram."""
@@ -93,6 +90,9 @@ class Scenery:
         self._background = background
         self._loaded: _Loaded | None = None
         self._marks: list[GeometryId] = []
+
+        # Place of each frame of the diagram by name.
+        self._places: dict[str, int] = {}
 
         # What lidars cast their rays at, by the role of the shapes.
         self.ray_scenes: dict[Role, Any] = {}
@@ -150,12 +150,10 @@ class Scenery:
         inspector = query.inspector()
         if frame == "world":
             return RigidTransform()
-        if self._loaded is None:
-            names = [inspector.GetName(f) for f in inspector.GetAllFrameIds()]
-            place = names.index(frame)
-        else:
-            place = self._loaded.places[frame]
-        return RigidTransform(query.GetPoseInWorld(inspector.GetAllFrameIds()[place]))
+        frames = inspector.GetAllFrameIds()
+        if not self._places:
+            self._places = {inspector.GetName(f): i for i, f in enumerate(frames)}
+        return RigidTransform(query.GetPoseInWorld(frames[self._places[frame]]))
 
     def color(
         self, query: QueryObject, camera: ColorRenderCamera, X_WC: RigidTransform
@@ -204,10 +202,8 @@ class Scenery:
         source = scene_graph.RegisterSource("seen")
         inspector = query.inspector()
         frames: list[tuple[int, FrameId]] = []
-        places: dict[str, int] = {}
         for place, frame in enumerate(inspector.GetAllFrameIds()):
             name = inspector.GetName(frame)
-            places[name] = place
             copies = self._copy(inspector, frame, name)
             if not copies:
                 continue
@@ -218,7 +214,7 @@ class Scenery:
             for copy in copies:
                 scene_graph.RegisterGeometry(source, target, copy)
         context = scene_graph.CreateDefaultContext()
-        self._loaded = _Loaded(scene_graph, context, source, frames, places)
+        self._loaded = _Loaded(scene_graph, context, source, frames)
         return self._loaded
 
     def _copy(

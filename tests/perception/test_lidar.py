@@ -1,5 +1,6 @@
 """Lidars, judged by closed forms of rays and by Drake's distances."""
 
+import dataclasses as dc
 import math
 from pathlib import Path
 
@@ -8,9 +9,14 @@ import pytest
 from trimesh import creation
 
 import arm_drake as ad
+from arm_drake.description.perception_sensors import Noise
 from arm_drake.errors import ArmDrakeError, InputError
+from arm_drake.messages import Twist, Vector3
 from arm_drake.perception import lidar as lidars
 from arm_drake.perception.images import to_points
+from arm_drake.worlds.things import Thing, with_things
+from arm_drake.worlds.world import load_world
+from tests.robots import load_real_robot
 
 _AROUND = (
     "<samples>361</samples><min_angle>-3.141592653589793</min_angle>"
@@ -29,6 +35,7 @@ def load(
     more: str = "",
     limits: str = "<min>0.05</min><max>20</max>",
     noise: str = "",
+    turned: str = "0 0 0",
 ) -> ad.Robot:
     return ad.load_robot(
         f"""<robot name="r"><link name="world"/><link name="base">
@@ -36,7 +43,7 @@ def load(
 <inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>
 {shapes}</link><link name="eye"/>
 <joint name="a" type="fixed"><parent link="world"/><child link="base"/>
-<origin xyz="0 0 1"/></joint>
+<origin xyz="0 0 1" rpy="{turned}"/></joint>
 <joint name="b" type="fixed"><parent link="base"/><child link="eye"/></joint>
 <gazebo reference="eye"><sensor name="front" type="{kind}">{more}
 <lidar><scan>{scan}</scan><range>{limits}</range>{noise}</lidar>
@@ -91,6 +98,20 @@ def test_a_turned_box_is_a_plane_at_an_angle() -> None:
     away = 2.0 * math.cos(turned) - 0.1
     expected = away / np.cos(angles - turned)
     np.testing.assert_allclose(ranges[ahead], expected[ahead], atol=1e-5)
+
+
+def test_a_link_that_is_turned_takes_its_lidar_and_shapes_along() -> None:
+    ball = shape('<sphere radius="0.5"/>', xyz="2 0.3 0")
+    limits = "<min>0.05</min><max>2.5</max>"
+    level = look(load(ball, limits=limits))
+    turned = look(load(ball, limits=limits, turned="0.1 -0.2 2.0"))
+
+    assert np.isfinite(level.ranges()).sum() > 20
+    # The ground is farther than the lidar tells.
+    np.testing.assert_allclose(turned.ranges(), level.ranges(), atol=1e-4)
+    centre = turned.pose @ [2.0, 0.3, 0.0]
+    away = np.linalg.norm(turned.points() - centre, axis=1)
+    np.testing.assert_allclose(away, 0.5, atol=1e-3)
 
 
 @pytest.mark.parametrize("kind", ["gpu_lidar", "ray"])
@@ -203,12 +224,33 @@ def test_classics_ray_sees_what_collides() -> None:
     assert simulation.topic("/arm/scan").value().header.frame_id == "eye"
 
 
-def test_a_missing_package_and_a_wrong_name_are_told(monkeypatch) -> None:
-    simulation = ad.Simulation(ad.build_diagram(load()))
-    monkeypatch.setattr(lidars.importlib.util, "find_spec", lambda name: None)
+def test_without_embree_small_scans_are_the_same(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    creation.torus(0.4, 0.15, 16, 8).export(tmp_path / "ring.stl")
+    mesh = f'<mesh filename="file://{tmp_path}/ring.stl"/>'
+    shapes = shape(mesh, xyz="1 0 0", rpy="0.3 1.2 0") + shape(mesh, xyz="0 0 0")
+    scan = f"<horizontal>{_AROUND}</horizontal>{_RINGS}"
+    plugin = '<plugin name="eyes" filename="libgazebo_ros_ray_sensor.so"/>'
+    robot = load(shapes, kind="ray", scan=scan, more=plugin)
 
+    expected = look(robot).ranges()
+    monkeypatch.setattr(lidars.importlib.util, "find_spec", lambda name: None)
+    ranges = look(robot).ranges()
+
+    # A ray along an edge may be on either side of it.
+    differ = ~np.isclose(ranges, expected, rtol=0.0, atol=1e-4)
+    assert differ.sum() <= 2
+    assert (expected < 0.9).sum() > 20
+
+    monkeypatch.setattr(lidars, "_MOST_PAIRS", 10_000)
     with pytest.raises(ArmDrakeError, match=r"pip install 'arm-drake\[lidar\]'"):
-        simulation.lidar("front").ranges()
+        look(robot).ranges()
+
+
+def test_a_wrong_name_is_told() -> None:
+    simulation = ad.Simulation(ad.build_diagram(load()))
+
     with pytest.raises(InputError, match="no lidar 'rear'"):
         simulation.lidar("rear")
 
@@ -286,3 +328,43 @@ def test_classics_ray_looks_out_of_a_mesh_that_it_is_in(tmp_path: Path) -> None:
     expected = _to_circle(np.linspace(-math.pi, math.pi, 361), 2.0, 0.5)
     assert np.isposinf(inside[:140]).all()
     np.testing.assert_allclose(inside[170:191], expected[170:191], atol=1e-3)
+
+
+def test_a_public_base_that_drives_sees_the_walls_where_they_are() -> None:
+    robot = load_real_robot("pmb2")
+    # Its laser has a noise of some centimetres.
+    [laser] = [s for s in robot.description.perception_sensors if "laser" in s.name]
+    exact = dc.replace(laser, noise=Noise())
+    description = dc.replace(robot.description, perception_sensors=(exact,))
+    places = [(3.1, 0.0), (-3.1, 0.0), (0.0, 2.1), (0.0, -2.1)]
+    walls = [
+        Thing(
+            f"wall_{index}",
+            "box",
+            (0.2, 4.0, 1.0) if x else (6.0, 0.2, 1.0),
+            fixed=True,
+            pose=(x, y, 0.5, 0.0, 0.0, 0.0),
+        )
+        for index, (x, y) in enumerate(places)
+    ]
+    simulation = ad.Simulation(
+        ad.build_diagram(
+            dc.replace(robot, description=description),
+            world=with_things(load_world("empty"), walls),
+        )
+    )
+    lidar = simulation.lidar(laser.name)
+    start = lidar.pose
+    for _ in range(10):
+        twist = Twist(Vector3(x=0.4), Vector3(z=0.8))
+        simulation.controller("mobile_base_controller").send_velocity(twist)
+        simulation.run(0.1)
+
+    points = lidar.points()
+
+    moved = start.inverse() @ lidar.pose
+    assert np.linalg.norm(moved.translation()) > 0.1
+    assert moved.rotation().ToAngleAxis().angle() > 0.1
+    off = np.abs(np.abs(points[:, :2]) - [3.0, 2.0]).min(axis=1)
+    assert len(points) > 600
+    np.testing.assert_allclose(off, 0.0, atol=1e-3)

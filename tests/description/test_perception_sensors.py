@@ -1,0 +1,127 @@
+"""What is wrong with the tags of cameras and lidars, and what is said of it."""
+
+from pathlib import Path
+
+import pytest
+
+import arm_drake as ad
+from arm_drake.errors import ArmDrakeError
+from arm_drake.perception import scenery
+
+_CAMERA = "<camera><image><width>32</width><height>24</height></image>{}</camera>"
+_LIDAR = (
+    "<lidar><scan><horizontal><samples>{samples}</samples><min_angle>{low}</min_angle>"
+    "<max_angle>1</max_angle></horizontal></scan>"
+    "<range><min>{near}</min><max>{far}</max></range></lidar>"
+)
+_NUMBERS = {"samples": "9", "low": "-1", "near": "0.1", "far": "9"}
+
+
+def load(kind: str, inside: str, reference: str = "eye") -> ad.Robot:
+    return ad.load_robot(
+        f"""<robot name="r"><link name="world"/><link name="eye"/>
+<joint name="a" type="fixed"><parent link="world"/><child link="eye"/></joint>
+<gazebo reference="{reference}"><sensor name="front" type="{kind}">{inside}
+</sensor></gazebo></robot>"""
+    )
+
+
+def lidar(**numbers: str) -> str:
+    return _LIDAR.format(**{**_NUMBERS, **numbers})
+
+
+@pytest.mark.parametrize(
+    ("kind", "inside", "what"),
+    [
+        ("camera", "", "it has no <camera>"),
+        ("gpu_lidar", "", "it has no <lidar> and no <ray>"),
+        (
+            "camera",
+            _CAMERA.format("<clip><near>0</near></clip>"),
+            "clip: expected 0 < near < far, got 0 and 100 m",
+        ),
+        (
+            "camera",
+            _CAMERA.format("<horizontal_fov>3.15</horizontal_fov>"),
+            "horizontal_fov: expected more than 0 and less than pi, got 3.15 rad",
+        ),
+        (
+            "camera",
+            "<camera><image><height>0.5</height></image></camera>",
+            "image height: expected 1 to 8192 pixels, got 0.5",
+        ),
+        (
+            "gpu_lidar",
+            lidar(samples="0"),
+            "horizontal samples: expected 1 to 10000000, got 0",
+        ),
+        (
+            "gpu_lidar",
+            lidar(low="2"),
+            "horizontal: expected min_angle <= max_angle, got 2 and 1 rad",
+        ),
+        (
+            "gpu_lidar",
+            lidar(near="9"),
+            "range: expected 0 <= min < max, got 9 and 9 m",
+        ),
+    ],
+)
+def test_a_sensor_that_cannot_be_is_an_error(kind: str, inside: str, what: str) -> None:
+    robot = load(kind, inside)
+
+    assert [(e.what, e.done) for e in robot.report.errors] == [
+        (what, "the sensor is left out")
+    ]
+    assert robot.description.perception_sensors == ()
+
+
+def test_a_sensor_of_no_link_is_an_error() -> None:
+    robot = load("camera", _CAMERA.format(""), reference="eve")
+
+    [error] = [e for e in robot.report.errors if "'front'" in e.where]
+    assert error.what.startswith("its reference is no link, 'eve'; ")
+    assert "eye" in error.what
+    assert robot.description.perception_sensors == ()
+
+
+@pytest.mark.parametrize(
+    ("kind", "inside", "what"),
+    [
+        ("camera", "<gz_frame_id>eyes</gz_frame_id>" + _CAMERA.format(""),
+         "its frame 'eyes' is no link; "),
+        ("camera", _CAMERA.format("<optical_frame_id>ey</optical_frame_id>"),
+         "its frame 'ey' is no link; "),
+        ("camera", _CAMERA.format("<noise><type>salt</type></noise>"),
+         "noise type: expected gaussian, gaussian_quantized or none, got 'salt'"),
+        ("camera", "<update_rate>-1</update_rate>" + _CAMERA.format(""),
+         "update_rate: expected at least 0, got '-1'"),
+        ("camera", _CAMERA.format("<horizontal_fov>wide</horizontal_fov>"),
+         "horizontal_fov: "),
+        ("depth_camera", _CAMERA.format("<depth_camera><clip><near>5</near>"
+                                        "<far>4</far></clip></depth_camera>"),
+         "depths from 5 to 4 m"),
+        ("camera", 2 * _CAMERA.format(""), "2 <camera> in one sensor"),
+    ],
+)  # fmt: skip
+def test_what_is_taken_otherwise_is_a_warning(
+    kind: str, inside: str, what: str
+) -> None:
+    robot = load(kind, inside)
+
+    warnings = [e for e in robot.report if e.severity == "warning"]
+    assert [e for e in warnings if e.what.startswith(what)]
+    assert [s.name for s in robot.description.perception_sensors] == ["front"]
+
+
+def test_a_missing_renderer_is_named_with_its_package(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(scenery, "_EGL", str(tmp_path / "libEGL.so.1"))
+    monkeypatch.setattr(scenery.sys, "platform", "linux")
+    scenery._egl.cache_clear()
+    try:
+        with pytest.raises(ArmDrakeError, match="apt-get install libegl1"):
+            scenery.require_renderer()
+    finally:
+        scenery._egl.cache_clear()
