@@ -48,62 +48,46 @@ class SetPayloads(NamedTuple):
     payloads: Mapping[str, Payload]
 
 
+@dc.dataclass(frozen=True, eq=False, kw_only=True)
+class Task(Message):
+    """What a robot does once it rests, however long it takes."""
+
+    # Which robot; None is the first one.
+    robot: str | None = None
+
+    # Further arguments of the function of the same name: `plan`, `pick`, ...
+    options: Mapping[str, Any] = dc.field(default_factory=dict)
+
+
 @dc.dataclass(frozen=True, eq=False)
-class PlanTo(Message):
+class PlanTo(Task):
     """A motion that is planned when it is due, and sent to the group's controller."""
 
     # Names of states, joint positions [rad] or [m], or poses, one after the other.
     to: tuple[str | Mapping[str, float] | tuple[float, ...], ...]
 
-    # Which robot; None is the first one.
-    robot: str | None = None
-
-    # Further arguments of `plan`.
-    options: Mapping[str, Any] = dc.field(default_factory=dict)
-
 
 @dc.dataclass(frozen=True, eq=False)
-class PickThing(Message):
-    """A thing that is grasped and lifted, once the robot rests."""
+class PickThing(Task):
+    """A thing that is grasped and lifted."""
 
     thing: str
 
-    # Which robot; None is the first one.
-    robot: str | None = None
-
-    # Further arguments of `pick`.
-    options: Mapping[str, Any] = dc.field(default_factory=dict)
-
 
 @dc.dataclass(frozen=True, eq=False)
-class PlaceThing(Message):
-    """Where to put down what the gripper holds, once the robot rests."""
+class PlaceThing(Task):
+    """Where to put down what the gripper holds."""
 
     # x, y, z [m]; roll, pitch, yaw [rad] may follow.
     pose: tuple[float, ...]
 
-    # Which robot; None is the first one.
-    robot: str | None = None
-
-    # Further arguments of `place`.
-    options: Mapping[str, Any] = dc.field(default_factory=dict)
-
 
 @dc.dataclass(frozen=True, eq=False)
-class FollowThing(Message):
-    """A thing that an arm keeps in its camera's picture, once the robot rests."""
+class FollowThing(Task):
+    """A thing that an arm keeps in its camera's picture."""
 
     thing: str
 
-    # Which robot; None is the first one.
-    robot: str | None = None
-
-    # Further arguments of `follow`.
-    options: Mapping[str, Any] = dc.field(default_factory=dict)
-
-
-# What a robot does when it rests, however long it takes.
-Task: TypeAlias = PlanTo | PickThing | PlaceThing | FollowThing
 
 # What a step stands for.
 Sent: TypeAlias = StepMessage | TopicMessage | SetPayloads | Task
@@ -395,7 +379,7 @@ def read_plan_to(fields: Fields, value: Any, where: str) -> PlanTo:
         options["upright"] = _read_upright(
             fields, options["upright"], f"{where}.{UPRIGHT}"
         )
-    return PlanTo(tuple(goal for goal, _ in found), robot, options)
+    return PlanTo(tuple(goal for goal, _ in found), robot=robot, options=options)
 
 
 # What counts of poses: all of them, or their positions.
@@ -444,7 +428,7 @@ def read_pick(fields: Fields, value: Any, where: str) -> PickThing:
         raise fields.error(where, f"expected the name of a thing, got {thing!r}")
     if "goal" in data:
         data["goal"] = _read_place_pose(fields, data["goal"], f"{where}.goal")
-    return PickThing(thing, data.pop("robot", None), data)
+    return PickThing(thing, robot=data.pop("robot", None), options=data)
 
 
 def read_follow(fields: Fields, value: Any, where: str) -> FollowThing:
@@ -453,14 +437,14 @@ def read_follow(fields: Fields, value: Any, where: str) -> FollowThing:
     thing = data.pop("thing")
     if not isinstance(thing, str):
         raise fields.error(where, f"expected the name of a thing, got {thing!r}")
-    return FollowThing(thing, data.pop("robot", None), data)
+    return FollowThing(thing, robot=data.pop("robot", None), options=data)
 
 
 def read_place(fields: Fields, value: Any, where: str) -> PlaceThing:
     """Return where to place, and how: a pose, or a mapping with `pose`."""
     data = dict(_task_options(fields, value, where, "pose", PICK_OPTIONS))
     pose = _read_place_pose(fields, data.pop("pose"), where)
-    return PlaceThing(pose, data.pop("robot", None), data)
+    return PlaceThing(pose, robot=data.pop("robot", None), options=data)
 
 
 def _task_options(

@@ -203,7 +203,7 @@ class _Running(NamedTuple):
 
 def _perform(
     simulation: Any,
-    message: PickThing | PlaceThing | FollowThing,
+    message: Task,
     where: str,
     held: dict[str | None, RigidTransform],
 ) -> Iterator[float]:
@@ -223,6 +223,7 @@ def _perform(
         elif isinstance(message, FollowThing):
             result = yield from following(simulation, message.thing, **options)
         else:
+            assert isinstance(message, PlaceThing)
             options["held"] = held.pop(message.robot, None)
             result = yield from placing(simulation, message.pose, **options)
     except ArmDrakeError as error:
@@ -232,7 +233,7 @@ def _perform(
             simulation.reject_task(message, result.reason, where=where)
 
 
-def _check_task(simulation: Any, message: PickThing | PlaceThing | FollowThing) -> None:
+def _check_task(simulation: Any, message: Task) -> None:
     """Raise InputError if a robot lacks what it takes, or there is no such thing."""
     from arm_drake.manipulation.hand import Hand, PickOptions, read_options
     from arm_drake.manipulation.visual_servoing import FollowOptions, Servo

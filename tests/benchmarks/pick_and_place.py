@@ -12,6 +12,7 @@ count, nor do quarters of boxes as wide as deep: they can't be told apart.
 
 import argparse
 import dataclasses as dc
+import functools
 import json
 import time
 
@@ -61,6 +62,18 @@ class Trial:
         return self.position_error < NEAR and self.orientation_error < TURN
 
 
+@functools.cache
+def load(camera: bool) -> ad.Robot:
+    """Return the myCobot; what is known of it is found once for all trials."""
+    inputs = {"control": "ros2_control"}
+    robot = ad.load_robot("mycobot_280", xacro_args=inputs, pose=POSE)
+    if not camera:
+        return robot
+    return ad.add_camera(
+        robot, "world", CAMERA, width=960, height=720, horizontal_fov=0.9
+    )
+
+
 def run(number: int, *, camera: bool = False) -> Trial:
     """Run a trial."""
     rng = np.random.default_rng(number)
@@ -83,13 +96,7 @@ def run(number: int, *, camera: bool = False) -> Trial:
         add_world(plant, "empty")
         box.add_to(plant)
 
-    robot = ad.load_robot(
-        "mycobot_280", xacro_args={"control": "ros2_control"}, pose=POSE
-    )
-    if camera:
-        robot = ad.add_camera(
-            robot, "world", CAMERA, width=960, height=720, horizontal_fov=0.9
-        )
+    robot = load(camera)
     simulation = ad.Simulation(ad.build_diagram(robot, world=add_things))
     began = time.process_time()
     X_WG = RigidTransform(

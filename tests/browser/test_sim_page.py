@@ -628,7 +628,9 @@ def test_a_key_jogs_a_joint_while_it_is_down(program: Live, screen: Screen) -> N
     assert there < 1.9  # It didn't go to its end.
 
 
-def test_a_plot_is_drawn_paused_zoomed_and_saved(program: Live, screen: Screen) -> None:
+def test_a_plot_is_drawn_zoomed_saved_and_cleared(
+    program: Live, screen: Screen
+) -> None:
     page = screen.page
     height = page.locator("#scene").bounding_box()["height"]
     screen.type("remote:arm:goal:elbow", "1.4")
@@ -673,6 +675,11 @@ def test_a_plot_is_drawn_paused_zoomed_and_saved(program: Live, screen: Screen) 
     with Image.open(picture.value.path()) as image:
         drawn = np.asarray(image.convert("RGB")).astype(np.int16)
     assert blue(drawn).sum() > 100
+
+    # What is forgotten isn't shown either, although the plot stands still.
+    page.click("#plot-pause")
+    page.click("#plot-clear")
+    page.wait_for_function("() => plots.is_paused && plots.shown[0].length === 0")
 
     page.click("#plot-close")
     page.wait_for_selector("#plot", state="hidden")

@@ -4,6 +4,7 @@ import dataclasses as dc
 import math
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,10 @@ from pydrake.multibody.tree import SpatialInertia
 import arm_drake as ad
 from arm_drake.errors import MotionError
 from arm_drake.manipulation import pick_and_place
-from arm_drake.manipulation.hand import Activity, Hand, PickOptions
+from arm_drake.manipulation.hand import Activity, Failure, Hand, PickOptions, perform
 from arm_drake.manipulation.pick_and_place import placing
 from arm_drake.planning.grippers import find_gripper
+from arm_drake.planning.groups import find_group
 from arm_drake.simulation.motion_files import load_motion, parse_motion
 from arm_drake.worlds.things import with_things
 from arm_drake.worlds.world import add_world, load_world
@@ -113,7 +115,7 @@ def test_other_arms_do_so_too(name: str) -> None:
 
 def test_ways_begin_where_a_base_has_gone_to() -> None:
     robot = load_real_robot("so100_brukg")
-    start = dict.fromkeys(find_gripper(robot).group.joints, 0.3)
+    start = dict.fromkeys(find_group(robot, None).joints, 0.3)
     everything = {**robot.initial_positions, **start}
     robot = dc.replace(robot, has_free_base=True, initial_positions=everything)
     simulation = ad.Simulation(ad.build_diagram(robot))
@@ -127,6 +129,51 @@ def test_ways_begin_where_a_base_has_gone_to() -> None:
     nearest, *_ = hand._solve(hand.palm())
 
     assert nearest == pytest.approx(start, abs=1e-3)
+    assert find_gripper(robot) is hand.gripper  # It is measured once.
+
+
+def test_what_takes_efforts_is_not_sent_positions() -> None:
+    robot = ad.load_robot("mycobot_280", xacro_args={"control": "ros2_control"})
+    _, arm, _ = robot.controllers.controllers
+    joints = arm.parameters["joints"]
+    efforts = dc.replace(
+        arm,
+        name="efforts",
+        type="forward_command_controller/ForwardCommandController",
+        parameters={
+            "joints": joints,
+            "interface_name": dc.replace(joints, value="effort"),
+        },
+    )
+
+    def find(*controllers: Any) -> Any:
+        robot = SimpleNamespace(controllers=SimpleNamespace(controllers=controllers))
+        simulation = SimpleNamespace(list_controllers=list)
+        hand: Any = SimpleNamespace(simulation=simulation, robot=robot, prefix="")
+        return Hand._find_drive(hand, joints.value)
+
+    assert find(efforts, arm).controller == "arm_controller"
+    with pytest.raises(ad.ArmDrakeError, match=r"there are 'efforts'"):
+        find(efforts)
+
+
+def test_fingers_that_never_rest_are_a_failure() -> None:
+    simulation = SimpleNamespace(time=0.0)
+    simulation.advance_to = lambda until: setattr(simulation, "time", until)
+    gripper = SimpleNamespace(
+        open={"f": 0.0}, closed={"f": 1.0}, positions=lambda closed: {"f": closed}
+    )
+    hand: Any = SimpleNamespace(
+        simulation=simulation,
+        gripper=gripper,
+        _positions=lambda: {"f": 0.5 + 0.1 * math.sin(20.0 * simulation.time)},
+        _fingers=SimpleNamespace(lead=lambda *_: iter(())),
+    )
+
+    with pytest.raises(Failure, match="neither arrive nor stall"):
+        perform(simulation, Hand.move_gripper(hand, 1.0, "close"))
+
+    assert 5.0 < simulation.time < 10.0
 
 
 def add_nut(plant: MultibodyPlant, folder: Path) -> None:

@@ -1,13 +1,16 @@
 """Keys drive bases and joints while they are down, and nothing after."""
 
+import argparse
 import math
 import time
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import arm_drake as ad
+from arm_drake.commands.sim import _show_live
 from arm_drake.errors import InputError
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.page import Event, Page
@@ -199,3 +202,15 @@ def test_an_inactive_controller_is_said_and_the_run_goes_on(
 def test_an_unknown_controller_is_said(arm: LiveSimulation) -> None:
     with pytest.raises(InputError, match="keyboard: no controller 'arms'; did you"):
         keyboard_of(arm).handle("keys:arm", "arms")
+
+
+def test_the_option_says_if_there_is_nothing_to_drive() -> None:
+    options = argparse.Namespace(curve=[], keyboard=True, display=[])
+
+    with pytest.raises(InputError) as error:
+        _show_live(options, SimpleNamespace(parts=[]))
+
+    assert str(error.value) == (
+        "--keyboard: no controller here takes velocities of a base or positions of "
+        "joints"
+    )
