@@ -32,6 +32,7 @@ from arm_drake.errors import (
     suggest,
 )
 from arm_drake.messages import JointTrajectory, JointTrajectoryPoint
+from arm_drake.output_files import unbroken
 from arm_drake.planning.collisions import (
     CollisionModel,
     PlacedShape,
@@ -551,7 +552,8 @@ def _find_path(
         if problem.is_edge_allowed(start, goal, step):
             return np.array([start, goal])
     try:
-        from arm_drake.planning.search import find_way
+        with unbroken():  # Else Ctrl-C is an ImportError.
+            from arm_drake.planning.search import find_way
     except ImportError:
         raise MissingExtraError("a plan around something", "planning") from None
     lower, upper = problem.limits()
