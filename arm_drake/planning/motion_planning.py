@@ -33,11 +33,7 @@ from arm_drake.errors import (
 )
 from arm_drake.messages import JointTrajectory, JointTrajectoryPoint
 from arm_drake.output_files import unbroken
-from arm_drake.planning.collisions import (
-    CollisionModel,
-    PlacedShape,
-    collision_model,
-)
+from arm_drake.planning.collisions import CollisionModel, collision_model
 from arm_drake.planning.groups import (
     PlanningGroup,
     find_controller,
@@ -61,6 +57,7 @@ from arm_drake.planning.setting import (
     Setting,
     find_setting,
 )
+from arm_drake.planning.surroundings import PlacedShape
 from arm_drake.plant.drake_log import drake_messages
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.payloads import Payload
@@ -90,6 +87,9 @@ _GOALS = 8
 
 # Steps of a straight line [m], [rad].
 _LINE_STEP, _LINE_TURN = 5e-3, 0.02
+
+# So many shapes of a world are told of.
+_MANY = 2000
 
 # Points on which the clearance is measured, and how far it is looked for [m].
 _CLEARANCE_POINTS, _FAR = 40, 0.3
@@ -300,6 +300,11 @@ def _warnings(problem: "_Problem", legs: Sequence["_Leg"]) -> Iterator[str]:
     """Yield what should be known of a plan."""
     if not problem.model.has_shapes:
         yield "nothing that moves has a collision shape: whatever is there is passed"
+    if (count := problem.model.count_around) > _MANY:
+        yield (
+            f"{count:,} collision shapes of the world are within reach: what a plan "
+            "takes grows with their number"
+        )
     if not all(leg.keeps_effort_limits for leg in legs):
         yield "the joints' limits of effort can't be kept at the speed of the plan"
 

@@ -12,9 +12,9 @@ from pydrake.systems.framework import Context, Diagram
 from arm_drake.description.robot import Robot
 from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.messages import JointState
-from arm_drake.planning.collisions import PlacedShape, read_planning_scene
 from arm_drake.planning.inverse_kinematics import WHOLE_POSE, complete_positions
 from arm_drake.planning.orientation_constraint import OrientationConstraint
+from arm_drake.planning.surroundings import PlacedShape, read_planning_scene
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.payloads import Payload
 from arm_drake.worlds.world import World
