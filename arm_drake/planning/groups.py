@@ -57,6 +57,9 @@ class MotionLimits(NamedTuple):
     # [rad/s^2] or [m/s^2].
     acceleration: float
 
+    # [rad/s^3] or [m/s^3]; infinite without a limit.
+    jerk: float = math.inf
+
 
 # What was found for robots.
 _groups: "weakref.WeakKeyDictionary[Robot, dict[str, PlanningGroup]]" = (
@@ -217,7 +220,8 @@ def _read_limits(robot: Robot) -> dict[str, MotionLimits]:
         row = rows.get(joint.name, {})
         velocity = _limit(row, "velocity") or joint.limits.velocity or _SPEED
         acceleration = _limit(row, "acceleration") or velocity / _TIME_TO_SPEED
-        limits[joint.name] = MotionLimits(velocity, acceleration)
+        jerk = _limit(row, "jerk") or math.inf
+        limits[joint.name] = MotionLimits(velocity, acceleration, jerk)
     return limits
 
 

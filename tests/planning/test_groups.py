@@ -1,5 +1,6 @@
 """Groups of SRDF files, and of controllers where there are none."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -37,7 +38,8 @@ SRDF = """<robot name="arm">
 
 LIMITS = """joint_limits:
   a: {has_velocity_limits: true, max_velocity: 1.5,
-      has_acceleration_limits: true, max_acceleration: 7}
+      has_acceleration_limits: true, max_acceleration: 7,
+      has_jerk_limits: true, max_jerk: 50}
   b: {has_velocity_limits: false, max_velocity: 1.0}
 """
 
@@ -90,11 +92,11 @@ def test_states_are_those_for_all_joints_of_a_group(robot: ad.Robot) -> None:
 def test_speeds_are_those_of_moveit_then_the_description(robot: ad.Robot) -> None:
     limits = motion_limits(robot)
 
-    assert limits["a"] == (1.5, 7.0)
+    assert limits["a"] == (1.5, 7.0, 50.0)
     # Full speed takes a second where nothing is said.
-    assert limits["b"] == (3.0, 3.0)
+    assert limits["b"] == (3.0, 3.0, math.inf)
     # A speed of 0 is none: 1 rad/s.
-    assert limits["c"] == (1.0, 1.0)
+    assert limits["c"] == (1.0, 1.0, math.inf)
 
 
 def test_a_robot_without_srdf_has_its_controllers_as_groups() -> None:
