@@ -23,12 +23,8 @@ from arm_drake.errors import InputError, quoted, suggest
 from arm_drake.manipulation.hand import Activity, Runner, perform, read_options
 from arm_drake.messages import Duration, JointTrajectory, JointTrajectoryPoint
 from arm_drake.perception.cameras import CameraHandle
-from arm_drake.planning.groups import (
-    find_group,
-    joints_of,
-    motion_limits,
-    takes_positions,
-)
+from arm_drake.planning.groups import find_group, joints_of, takes_positions
+from arm_drake.planning.timing import motion_limits
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.kinematics import PlantKinematics
 

@@ -35,9 +35,10 @@ from arm_drake.planning.groups import (
     find_controller,
     find_group,
     find_state,
-    motion_limits,
 )
 from arm_drake.planning.inverse_kinematics import (
+    POSITION,
+    WHOLE_POSE,
     complete_positions,
     follow_line,
     forward_kinematics,
@@ -54,7 +55,13 @@ from arm_drake.planning.setting import (
     find_setting,
 )
 from arm_drake.planning.surroundings import PlacedShape
-from arm_drake.planning.timing import Mover, Samples, deviation, time_path
+from arm_drake.planning.timing import (
+    Mover,
+    Samples,
+    deviation,
+    motion_limits,
+    time_path,
+)
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.payloads import Payload
 from arm_drake.worlds.world import World
@@ -352,6 +359,13 @@ class _Problem(NamedTuple):
         return np.array(lower), np.array(upper)
 
     @property
+    def mask(self) -> Sequence[bool]:
+        """What of poses counts."""
+        if self.options.mask is not None:
+            return self.options.mask
+        return POSITION if self.group.is_position_only else WHOLE_POSE
+
+    @property
     def has_jerk_limits(self) -> bool:
         """Whether the jerk of any joint of the group is limited."""
         limits = motion_limits(self.robot)
@@ -496,7 +510,7 @@ def _find_solutions(
     problem: _Problem, start: np.ndarray, X_WG: RigidTransform
 ) -> list[np.ndarray]:
     """Return joint positions that put the frame at a pose, the nearest first."""
-    joints, mask, tilt = problem.group.joints, problem.options.mask, problem.tilt
+    joints, mask, tilt = problem.group.joints, problem.mask, problem.tilt
     solution = solve_ik(
         problem.robot,
         problem.frame,
@@ -536,7 +550,7 @@ def _straight_path(problem: _Problem, start: np.ndarray, target: Target) -> np.n
         X_WG,
         seed=problem.named(start),
         group=problem.group.joints,
-        mask=problem.options.mask,
+        mask=problem.mask,
         step=(_LINE_STEP, _LINE_TURN),
     )
     if fraction < 1.0:

@@ -1,4 +1,6 @@
-"""Times along a path within joints' limits, by Drake's Toppra.
+"""How fast joints may be, and times along a path within that, by Drake's Toppra.
+
+Limits are those of the `joint_limits.yaml` beside the SRDF, else of the description.
 
 What Toppra finds has steps in its acceleration. Where joints have limits of jerk, the
 motion is averaged over a window of time: its speeds and accelerations then are means of
@@ -10,6 +12,7 @@ window, and leaves the path by no more than acceleration times its square by 24.
 
 import itertools
 import math
+import weakref
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -20,10 +23,17 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from arm_drake.description.joints import last_master
 from arm_drake.description.robot import Robot
-from arm_drake.planning.groups import motion_limits
+from arm_drake.description.srdf import find_srdf_files
+from arm_drake.planning.groups import load_beside
 from arm_drake.plant.drake_log import drake_messages
 from arm_drake.plant.payloads import Payload
 from arm_drake.plant.plant import make_reduced_plant, trial_plant
+
+# Without a limit of its speed a joint has this one [rad/s] or [m/s]; without a limit
+# of its acceleration it needs so long to its full speed [s].
+_SPEED, _TIME_TO_SPEED = 1.0, 1.0
+
+_LIMITS_FILE = "joint_limits.yaml"
 
 # Time between points of a trajectory [s].
 _PERIOD = 0.02
@@ -36,6 +46,60 @@ _MARGIN, _GRID = 0.98, 100
 
 # Grid points aren't closer than this; what is no limit for Toppra.
 _SMALLEST, _UNLIMITED = 1e-6, 1e6
+
+
+class MotionLimits(NamedTuple):
+    """How fast a joint may be."""
+
+    # [rad/s] or [m/s].
+    velocity: float
+
+    # [rad/s^2] or [m/s^2].
+    acceleration: float
+
+    # [rad/s^3] or [m/s^3]; infinite without a limit.
+    jerk: float = math.inf
+
+
+_limits: "weakref.WeakKeyDictionary[Robot, dict[str, MotionLimits]]" = (
+    weakref.WeakKeyDictionary()
+)
+
+
+def motion_limits(robot: Robot) -> dict[str, MotionLimits]:
+    """Return how fast each movable joint may be.
+
+    Raises:
+        InputError: If a `joint_limits.yaml` can't be read.
+    """
+    if robot not in _limits:
+        _limits[robot] = _read_limits(robot)
+    return dict(_limits[robot])
+
+
+def _read_limits(robot: Robot) -> dict[str, MotionLimits]:
+    rows: dict[str, Mapping[str, Any]] = {}
+    for file in find_srdf_files(robot):
+        limits = load_beside(file, _LIMITS_FILE).get("joint_limits")
+        if isinstance(limits, dict):
+            rows |= {k: row for k, row in limits.items() if isinstance(row, dict)}
+    limits = {}
+    for joint in robot.description.movable_joints:
+        row = rows.get(joint.name, {})
+        velocity = _limit(row, "velocity") or joint.limits.velocity or _SPEED
+        acceleration = _limit(row, "acceleration") or velocity / _TIME_TO_SPEED
+        jerk = _limit(row, "jerk") or math.inf
+        limits[joint.name] = MotionLimits(velocity, acceleration, jerk)
+    return limits
+
+
+def _limit(row: Mapping[str, Any], what: str) -> float | None:
+    value = row.get(f"max_{what}")
+    if not row.get(f"has_{what}_limits") or isinstance(value, bool):
+        return None
+    if not isinstance(value, int | float) or not 0.0 < value < math.inf:
+        return None
+    return float(value)
 
 
 class Samples(NamedTuple):

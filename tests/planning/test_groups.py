@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 import arm_drake as ad
-from arm_drake.planning.groups import find_group, find_state, motion_limits
+from arm_drake.planning.groups import find_group, find_state
+from arm_drake.planning.timing import motion_limits
 
 JOINT = """<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>
 <limit lower="-1" upper="1" effort="1" velocity="{3}"/>{4}</joint>"""
@@ -44,6 +45,14 @@ LIMITS = """joint_limits:
 """
 
 
+KINEMATICS = """arm:
+  kinematics_solver: kdl_kinematics_plugin/KDLKinematicsPlugin
+  kinematics_solver_timeout: 0.005
+  position_only_ik: true
+gripper: {position_only_ik: false}
+"""
+
+
 @pytest.fixture
 def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ad.Robot:
     monkeypatch.setattr(Path, "home", lambda: tmp_path.parent)
@@ -53,6 +62,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ad.Robot:
         "arm_moveit_config/package.xml": "<name>arm_moveit_config</name>",
         "arm_moveit_config/config/arm.srdf": SRDF,
         "arm_moveit_config/config/joint_limits.yaml": LIMITS,
+        "arm_moveit_config/config/kinematics.yaml": KINEMATICS,
     }
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -118,3 +128,29 @@ def test_unknown_groups_and_joints_are_named(robot: ad.Robot) -> None:
         with pytest.raises(ad.ArmDrakeError) as caught:
             find_group(robot, wrong)
         assert str(caught.value).startswith(message)
+
+
+def test_a_pose_is_a_position_where_kinematics_yaml_says_so(robot: ad.Robot) -> None:
+    groups = ad.planning_groups(robot)
+    assert [name for name, g in groups.items() if g.is_position_only] == ["arm"]
+    # Its joints turn about one axis, so that no other turn can be reached.
+    pose = [*robot.forward_kinematics({}, "three").translation(), 1.0, 1.0, 1.0]
+
+    plan = ad.plan(robot, pose, group="arm", world="void")
+
+    reached = robot.forward_kinematics(plan.end, "three").translation()
+    assert reached == pytest.approx(pose[:3], abs=1e-4)
+    with pytest.raises(ad.NoSolution):
+        ad.plan(robot, pose, group="arm", world="void", mask=(True,) * 6)
+
+
+def test_a_kinematics_yaml_that_can_not_be_read_is_named(
+    robot: ad.Robot, tmp_path: Path
+) -> None:
+    file = tmp_path / "arm_moveit_config/config/kinematics.yaml"
+    file.write_text("arm: [", encoding="utf-8")
+
+    with pytest.raises(ad.ArmDrakeError) as caught:
+        ad.plan(robot, "up", group="arm")
+
+    assert f"{file}:" in str(caught.value)

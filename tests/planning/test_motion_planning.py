@@ -20,8 +20,8 @@ from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.planning.collisions import CollisionModel
-from arm_drake.planning.groups import motion_limits
 from arm_drake.planning.surroundings import PlacedShape
+from arm_drake.planning.timing import motion_limits
 from arm_drake.worlds.world import add_world
 
 START = {"joint1": -1.0, "joint2": 0.9, "joint3": 0.8}
