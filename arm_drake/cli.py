@@ -1,7 +1,9 @@
 """The command line `arm-drake`: its arguments, and the start of its commands."""
 
 import argparse
+import atexit
 import functools
+import gc
 import importlib.metadata
 import io
 import json
@@ -102,6 +104,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     options = parse_arguments(arguments)
+    # Python's end looks for garbage among all that is there, for half a second.
+    atexit.unregister(gc.freeze)
+    atexit.register(gc.freeze)
     try:
         check_process()
         # Numbers beyond all bounds are a user's: what comes of them is said by us.
@@ -235,13 +240,15 @@ def _compare(options: argparse.Namespace) -> int:
 
 
 def _ik(options: argparse.Namespace) -> int:
-    from arm_drake.commands.planning import run_ik
+    with unbroken(), without_collection():
+        from arm_drake.commands.planning import run_ik
 
     return run_ik(options, load_robot_of(options))
 
 
 def _plan(options: argparse.Namespace) -> int:
-    from arm_drake.commands.planning import run_plan
+    with unbroken(), without_collection():
+        from arm_drake.commands.planning import run_plan
 
     return run_plan(options, functools.partial(load_robot_of, options))
 

@@ -30,8 +30,8 @@ from arm_drake.errors import InputError
 from arm_drake.loading import load_robot
 from arm_drake.options import SimulationOptions
 from arm_drake.output_files import writing
-from arm_drake.planning.collisions import show_standing
 from arm_drake.planning.motion_planning import Plan
+from arm_drake.planning.surroundings import show_standing
 from arm_drake.plant.plant import add_robot_model, add_visualizer
 from arm_drake.simulation.motion import default_duration
 from arm_drake.simulation.motion_files import (

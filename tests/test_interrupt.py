@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import psutil
 import pytest
 
 from tests.visualization.page.clients import Panel
@@ -50,6 +51,21 @@ class State(NamedTuple):
 SIM = ("sim", "doosan_a0912")
 LOG = ("--log", "FOLDER/run.npz")
 TUTORIAL = ("--motion", "tutorial")
+PLAN = ("plan", "doosan_a0912", "--to", "joint1=1")
+
+# The command, with a search that finds no way, and tells when it looks for one.
+SEARCHING = """
+import sys
+from arm_drake.cli import main
+from arm_drake.planning.collisions import CollisionModel
+
+def is_edge_free(*line):
+    print("searching", flush=True)
+    return False
+
+CollisionModel.is_edge_free = is_edge_free
+sys.exit(main(sys.argv[1:]))
+"""
 
 # Python tells of each module that it has imported.
 LOADING: Any = {"codes": (130, -signal.SIGINT), "flags": ("-X", "importtime")}
@@ -84,6 +100,8 @@ STATES = {
     ),
     "view, importing": State(("view", "doosan_a0912"), " numpy.version", **LOADING),
     "view, loading": State(("view", "doosan_a0912"), " arm_drake.loading", **LOADING),
+    "plan, importing": State(PLAN, " numpy.version", **LOADING),
+    "plan, loading": State(PLAN, " arm_drake.loading", **LOADING),
     "view": State(("view", "doosan_a0912"), "until Ctrl-C", answers=True),
 }
 
@@ -226,3 +244,25 @@ def test_a_second_ctrl_c_does_not_wait_for_files(tmp_path: Path) -> None:
     # It may have been done already.
     assert code in (0, 130)
     assert "Traceback" not in rest
+
+
+def test_ctrl_c_ends_a_plan_in_half_a_second() -> None:
+    pytest.importorskip("ompl")
+    words = [*PLAN, "--time-limit", "100"]
+    with subprocess.Popen(
+        [sys.executable, "-c", SEARCHING, *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        assert any("searching" in line for line in iter(process.stdout.readline, ""))
+        before = sum(psutil.Process(process.pid).cpu_times()[:2])
+        process.send_signal(signal.SIGINT)
+        rest = process.stdout.read()
+        _, status, used = os.wait4(process.pid, 0)
+
+    assert os.waitstatus_to_exitcode(status) == 130
+    assert rest.endswith("arm-drake: interrupted\n")
+    # Of the processor, as others may want it, too.
+    assert used.ru_utime + used.ru_stime - before < 0.5

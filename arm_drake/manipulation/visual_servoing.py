@@ -29,12 +29,8 @@ from arm_drake.manipulation.hand import (
 )
 from arm_drake.messages import Duration, JointTrajectory, JointTrajectoryPoint
 from arm_drake.perception.cameras import CameraHandle
-from arm_drake.planning.groups import (
-    find_group,
-    joints_of,
-    motion_limits,
-    takes_positions,
-)
+from arm_drake.planning.groups import find_group, joints_of, takes_positions
+from arm_drake.planning.timing import motion_limits
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.kinematics import PlantKinematics
 

@@ -16,7 +16,7 @@ import itertools
 import math
 import re
 import weakref
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,13 +29,11 @@ from pydrake.geometry import (
     Shape,
 )
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
     BodyIndex,
     JacobianWrtVariable,
     ModelInstanceIndex,
-    RigidBody,
-    default_model_instance,
 )
 from pydrake.planning import (
     BodyShapeDescription,
@@ -43,20 +41,23 @@ from pydrake.planning import (
     RobotDiagramBuilder,
     SceneGraphCollisionChecker,
 )
-from pydrake.systems.framework import Context, Diagram
 
 from arm_drake.description.joints import FREE_TYPES, joints_above, last_master
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.description.srdf import find_disabled_collisions
-from arm_drake.errors import InputError, suggest
-from arm_drake.plant.contact import GROUND
+from arm_drake.planning.surroundings import (
+    PlacedShape,
+    distance_to,
+    divide_shapes,
+    find_standing,
+    register_shapes,
+)
 from arm_drake.plant.drake_log import drake_messages
 from arm_drake.plant.joint_ranges import joint_ranges
-from arm_drake.plant.kinematics import KinematicPlant
 from arm_drake.plant.plant import add_robot_model
 from arm_drake.worlds.sdf_world import LoadedWorld
-from arm_drake.worlds.world import World, load_world
+from arm_drake.worlds.world import World
 
 # Pairs of links that touch in so large a part of random configurations always do: their
 # shapes overlap where they are joined. MoveIt's setup assistant takes the same part.
@@ -71,30 +72,8 @@ _NO_WEIGHT = 1e-3
 # Models of a robot that are kept, of different groups and worlds.
 _KEPT = 8
 
-# Drake keeps what is filtered for each pair of shapes: time and memory grow with the
-# square of their number.
-_MOST_SHAPES = 2000
-
-# How shapes look that aren't seen otherwise.
-_COLOR = np.array([0.75, 0.65, 0.5, 1.0])
-
 # Shapes that moved by less are where they were [m], [1].
 _SAME_PLACE = 1e-6
-
-
-class PlacedShape(NamedTuple):
-    """A shape that a link carries, or that stands in the world."""
-
-    # What it is called.
-    name: str
-
-    shape: Shape
-
-    # Where it is in the frame of the link, or in the world.
-    pose: RigidTransform
-
-    # Who carries it; None is the world.
-    link: str | None = None
 
 
 class CollisionModel:
@@ -120,11 +99,28 @@ class CollisionModel:
         """
         self.joints = tuple(joints)
         self.world = world  # As long as a model is kept, no other world has its id.
+        standing = find_standing(world, robot.package_paths)
+        # How many shapes the world has.
+        self.count = len(standing)
+        base = np.array(robot.pose[:3] if robot.pose else np.zeros(3))
+        nearest, *others = divide_shapes(standing, base)
+        self._parts = [_Part(each, distance_to(each, base), None) for each in others]
+        self._build(robot, nearest, padding, positions)
+        self._filter(robot)
+
+    def _build(
+        self,
+        robot: Robot,
+        standing: Sequence[PlacedShape],
+        padding: float,
+        positions: Mapping[str, float],
+    ) -> None:
+        """Make the checker of the robot among shapes."""
         self._padding = max(padding, _LEAST_PADDING)
         builder = RobotDiagramBuilder()
         plant = self._plant = builder.plant()
-        model = add_colliding_robot(plant, robot)
-        add_standing_world(plant, world, robot.package_paths)
+        model = self._model = add_colliding_robot(plant, robot)
+        register_shapes(plant, standing)
         plant.Finalize()
         self._at = {
             joint.name: plant.GetJointByName(joint.name, model).position_start()
@@ -154,10 +150,41 @@ class CollisionModel:
         # The builder's is no more.
         self._plant = self.checker.plant()
         self._own_context = self._plant.CreateDefaultContext()
+        self._checker_padding = float(self.checker.GetLargestPadding())
         self._names: dict[int, str] = {}
-        self._filter(robot, model)
         # How far links may move between two checks [m]; nothing is missed then.
         self.fine_step = 2.0 * self._padding
+
+    def _around(self, margin: float) -> Iterator["CollisionModel"]:
+        """Yield models of the other parts of the world that are within reach [m]."""
+        for index, part in enumerate(self._parts):
+            if part.distance > self._reach + margin:
+                continue
+            if part.model is None:
+                part = self._parts[index] = part._replace(model=self._among(part))
+            assert part.model is not None
+            yield part.model
+
+    def _among(self, part: "_Part") -> "CollisionModel":
+        """Return a model of a part of the world, where links may touch each other."""
+        model = CollisionModel.__new__(CollisionModel)
+        model.joints, model.world, model._parts = self.joints, self.world, []
+        model.count = len(part.shapes)
+        positions = {name: self._rest[at] for name, at in self._at.items()}
+        model._build(self._robot, part.shapes, self._checker_padding, positions)
+        model._bodies, model._filters = self._bodies, self._filters.copy()
+        for one, two in itertools.product(self._bodies.values(), repeat=2):
+            _disable(model._filters, one, two)
+        model.checker.SetCollisionFilterMatrix(model._filters)
+        model.set_things([each for each in self._things if each.link])
+        return model
+
+    @property
+    def count_around(self) -> int:
+        """How many shapes of the world may be within reach."""
+        return self.count - sum(
+            len(part.shapes) for part in self._parts if part.distance > self._reach
+        )
 
     def set_things(self, things: Sequence[PlacedShape]) -> None:
         """Put what isn't part of the robot and the world, in place of what was.
@@ -168,6 +195,9 @@ class CollisionModel:
         if not (attached_links or _differ(things, self._things)):
             return
         self._things = tuple(things)
+        for part in self._parts:
+            if part.model is not None:
+                part.model.set_things([each for each in things if each.link])
         checker, plant = self.checker, self._plant
         checker.RemoveAllAddedCollisionShapes()
         inspector = checker.model().scene_graph().model_inspector
@@ -211,6 +241,9 @@ class CollisionModel:
         self._rest = np.zeros(self._plant.num_positions())
         for name, value in positions.items():
             self._rest[self._at[name]] = value
+        for part in self._parts:
+            if part.model is not None:
+                part.model.set_positions(positions)
 
     def configuration(self, x: np.ndarray) -> np.ndarray:
         """Return the model's positions where the planned joints have values."""
@@ -218,7 +251,9 @@ class CollisionModel:
 
     def is_free(self, x: np.ndarray) -> bool:
         """Whether nothing collides at values of the planned joints."""
-        return bool(self.checker.CheckConfigCollisionFree(self.configuration(x)))
+        if not self.checker.CheckConfigCollisionFree(self.configuration(x)):
+            return False
+        return all(each.is_free(x) for each in self._around(self._padding))
 
     def is_edge_free(self, x: np.ndarray, y: np.ndarray, step: float) -> bool:
         """Whether nothing collides on a line, checked where links move by steps [m].
@@ -229,13 +264,23 @@ class CollisionModel:
         p, q = self.configuration(x), self.configuration(y)
         count = math.ceil(float(self._weights @ np.abs(q - p)) / step)
         check = self.checker.CheckConfigCollisionFree
-        return all(check(p + part * (q - p)) for part in _spread(max(count, 1)))
+        if not all(check(p + part * (q - p)) for part in _spread(max(count, 1))):
+            return False
+        return all(
+            each.is_edge_free(x, y, step) for each in self._around(self._padding)
+        )
 
     def first_collision(self, path: np.ndarray) -> int | None:
         """Return the first segment of a path, shape (m, n), that isn't free.
 
         Links move by no more than `fine_step` between checks.
         """
+        found = [self._first_collision(path)]
+        found += [each.first_collision(path) for each in self._around(self._padding)]
+        return min((at for at in found if at is not None), default=None)
+
+    def _first_collision(self, path: np.ndarray) -> int | None:
+        """Return the first segment of a path that isn't free by the model's checker."""
         qs = np.array([self.configuration(x) for x in path])
         lengths = np.abs(np.diff(qs, axis=0)) @ self._weights
         at = np.append(0.0, np.cumsum(lengths))
@@ -246,7 +291,7 @@ class CollisionModel:
             places, np.minimum(segments, len(path) - 2), strict=True
         ):
             if index < 0:  # One point is no path.
-                return None if self.is_free(path[0]) else 0
+                return None if self.checker.CheckConfigCollisionFree(qs[0]) else 0
             part = (place - at[index]) / max(lengths[index], 1e-12)
             q = qs[index] + min(part, 1.0) * (qs[index + 1] - qs[index])
             if not self.checker.CheckConfigCollisionFree(q):
@@ -292,10 +337,24 @@ class CollisionModel:
             distances = np.array(found.distances())
             if distances.size:
                 smallest = min(smallest, float(distances.min()))
-        return smallest + self._checker_padding
+        nearest = smallest + self._checker_padding
+        around = (each.clearance(path, smallest) for each in self._around(smallest))
+        return min(nearest, *around) if self._parts else nearest
 
     def describe(self, x: np.ndarray) -> list[str]:
         """Return what collides at values of the planned joints, in words."""
+        found = self._find_collisions(x)
+        for each in self._around(self._padding):
+            found |= each._find_collisions(x)
+        return [
+            f"{words} overlap by {-1e3 * distance:.3g} mm"
+            if distance < 0.0
+            else f"{words} are {1e3 * distance:.3g} mm apart"
+            for words, distance in sorted(found.items(), key=lambda item: item[1])
+        ]
+
+    def _find_collisions(self, x: np.ndarray) -> dict[str, float]:
+        """Return the distances of what the model's checker finds too close [m]."""
         self.checker.UpdatePositions(self.configuration(x))
         plant, query = self._plant, self._query()
         inspector = query.inspector()
@@ -324,12 +383,7 @@ class CollisionModel:
             )
             words = " and ".join(map(repr, names))
             found[words] = min(found.get(words, np.inf), pair.distance)
-        return [
-            f"{words} overlap by {-1e3 * distance:.3g} mm"
-            if distance < 0.0
-            else f"{words} are {1e3 * distance:.3g} mm apart"
-            for words, distance in sorted(found.items(), key=lambda item: item[1])
-        ]
+        return found
 
     def _query(self) -> QueryObject:
         """Return what is where at the last positions of the checker."""
@@ -353,6 +407,8 @@ class CollisionModel:
         description = self._robot.description
         ranges = {r.name: r for r in joint_ranges(description)}
         weights = np.full(self._plant.num_positions(), _NO_WEIGHT)
+        # How far any shape may be from the origin of the robot's base [m].
+        self._reach = 0.0
         for link, radius in radii.items():
             if radius is None:
                 continue
@@ -365,13 +421,14 @@ class CollisionModel:
                         r = ranges[joint.name]
                         radius += max(abs(r.lower), abs(r.upper))
                 radius += float(np.linalg.norm(joint.origin.position))
+            self._reach = max(self._reach, radius)
         # Whether there is anything that could collide.
         self.has_shapes = bool(np.any(weights[self._own] > _NO_WEIGHT))
         return weights
 
-    def _filter(self, robot: Robot, model: ModelInstanceIndex) -> None:
+    def _filter(self, robot: Robot) -> None:
         """Leave out pairs of bodies that don't matter."""
-        plant, description = self._plant, robot.description
+        plant, description, model = self._plant, robot.description, self._model
         matrix = np.array(self.checker.GetFilteredCollisionMatrix())
         joints = {joint.name: joint for joint in description.movable_joints}
         # By what moves them: bodies with the same joints above stay as they are to each
@@ -395,7 +452,6 @@ class CollisionModel:
             if one in index and two in index:
                 _disable(matrix, index[one], index[two])
         self.checker.SetCollisionFilterMatrix(matrix)
-        self._checker_padding = float(self.checker.GetLargestPadding())
         ranges = {r.name: r for r in joint_ranges(description)}
         low = np.array([ranges[name].lower for name in self.joints])
         high = np.array([ranges[name].upper for name in self.joints])
@@ -411,7 +467,7 @@ class CollisionModel:
             if int(a) in of_robot and int(b) in of_robot:
                 _disable(matrix, int(a), int(b))
         self.checker.SetCollisionFilterMatrix(matrix)
-        self._model, self._bodies, self._filters = model, index, matrix
+        self._bodies, self._filters = index, matrix
 
 
 @functools.cache
@@ -445,190 +501,16 @@ def add_colliding_robot(plant: MultibodyPlant, robot: Robot) -> ModelInstanceInd
     return add_robot_model(plant, description, robot.name, robot.pose)
 
 
-def add_standing_world(
-    plant: MultibodyPlant, world: World, package_paths: Sequence[Path] = ()
-) -> None:
-    """Add the shapes of a world to the world body, as they stand at the start."""
-    source, scene_graph = MultibodyPlant(time_step=1e-3), SceneGraph()
-    source.RegisterAsSourceForSceneGraph(scene_graph)
-    load_world(world, package_paths).add_to(source)
-    source.Finalize()
-    context = source.CreateDefaultContext()
-    poses = [
-        source.EvalBodyPoseInWorld(context, source.get_body(BodyIndex(index)))
-        for index in range(source.num_bodies())
-    ]
-    standing = _find_shapes(source, scene_graph, poses, range(source.num_bodies()))
-    if len(standing) > _MOST_SHAPES:
-        raise InputError(
-            f"world: expected at most {_MOST_SHAPES} collision shapes, got "
-            f"{len(standing)}: what they take grows with the square of their number; "
-            "several in one mesh are one shape"
-        )
-    _register(plant, standing)
+class _Part(NamedTuple):
+    """A part of a world of many shapes."""
 
+    shapes: tuple[PlacedShape, ...]
 
-def _find_shapes(
-    plant: MultibodyPlant,
-    scene_graph: SceneGraph,
-    poses: Sequence[RigidTransform],
-    bodies: Iterable[int],
-) -> list[PlacedShape]:
-    """Return the shapes of bodies that have poses in the world."""
-    inspector, found = scene_graph.model_inspector(), []
-    for index in bodies:
-        body = plant.get_body(BodyIndex(index))
-        for geometry in plant.GetCollisionGeometriesForBody(body):
-            name = _name_of(plant, body) if index else inspector.GetName(geometry)
-            X_BG = RigidTransform(inspector.GetPoseInFrame(geometry))
-            shape = inspector.GetShape(geometry)
-            found.append(PlacedShape(name, shape, poses[index] @ X_BG))
-    return found
+    # How far they are from the robot's base at least [m].
+    distance: float
 
-
-def _name_of(plant: MultibodyPlant, body: RigidBody) -> str:
-    """Return what a body is called: as its model, if that has no other."""
-    model = body.model_instance()
-    name = plant.GetModelInstanceName(model)
-    if model == default_model_instance():
-        return str(body.name())
-    is_only = len(plant.GetBodyIndices(model)) == 1
-    return name if is_only else f"{name}/{body.name()}"
-
-
-def _register(plant: MultibodyPlant, shapes: Sequence[PlacedShape]) -> None:
-    """Fix shapes to the world; numbers tell those of one name apart."""
-    friction = CoulombFriction(1.0, 1.0)  # Nothing slides.
-    for number, (name, shape, pose, _) in enumerate(shapes):
-        plant.RegisterCollisionGeometry(
-            plant.world_body(), pose, shape, f"{name}::{number}", friction
-        )
-
-
-def show_standing(
-    plant: MultibodyPlant,
-    scene_graph: SceneGraph,
-    robot: ModelInstanceIndex,
-    things: Sequence[PlacedShape],
-) -> None:
-    """Let shapes be seen that aren't: those of the world, and things around a robot."""
-    inspector = scene_graph.model_inspector()
-    for index in range(plant.num_bodies()):
-        body = plant.get_body(BodyIndex(index))
-        # The ground that cameras see isn't drawn on pages.
-        is_seen = any(
-            inspector.GetIllustrationProperties(geometry) is not None
-            for geometry in plant.GetVisualGeometriesForBody(body)
-        )
-        if body.model_instance() == robot or is_seen:
-            continue
-        for geometry in plant.GetCollisionGeometriesForBody(body):
-            name = inspector.GetName(geometry)
-            if GROUND not in name:
-                X = RigidTransform(inspector.GetPoseInFrame(geometry))
-                shape = inspector.GetShape(geometry)
-                plant.RegisterVisualGeometry(body, X, shape, f"{name}_seen", _COLOR)
-    for number, each in enumerate(things):
-        body = plant.world_body()
-        if each.link is not None:
-            body = plant.GetBodyByName(each.link, robot)
-        name = f"thing_{number}"
-        plant.RegisterVisualGeometry(body, each.pose, each.shape, name, _COLOR)
-
-
-class PlanningScene(NamedTuple):
-    """What is around a robot of a diagram now."""
-
-    # What never moves.
-    world: LoadedWorld
-
-    # What stands somewhere, and what its links carry.
-    things: tuple[PlacedShape, ...]
-
-    # Where its base is, if that moves.
-    X_WB: RigidTransform | None
-
-
-# What never moves, around a robot of a diagram.
-_worlds: "weakref.WeakKeyDictionary[Diagram, dict[str, LoadedWorld]]" = (
-    weakref.WeakKeyDictionary()
-)
-
-
-def read_planning_scene(
-    diagram: Diagram,
-    context: Context,
-    robot: Robot,
-    attached_bodies: Mapping[str, str],
-    ignored: Collection[str],
-) -> PlanningScene:
-    """Return what is around a robot of a running diagram, but for bodies ignored.
-
-    `held` says which links hold which bodies; these are where they are on the links.
-
-    Raises:
-        InputError: If there is no such body, or it has no shape.
-    """
-    plant, scene_graph = diagram.GetSubsystemByName("plant"), _scene_graph_of(diagram)
-    own = plant.GetMyContextFromRoot(context)
-    poses = plant.GetOutputPort("body_poses").Eval(own)
-    plant = plant.plant if isinstance(plant, KinematicPlant) else plant
-    model = plant.GetModelInstanceByName(robot.name)
-    ours = {int(index) for index in plant.GetBodyIndices(model)}
-    others = [index for index in range(plant.num_bodies()) if index not in ours]
-    still = [i for i in others if plant.IsAnchored(plant.get_body(BodyIndex(i)))]
-    known = _worlds.setdefault(diagram, {})
-    if robot.name not in known:
-        shapes = _find_shapes(plant, scene_graph, poses, still)
-        add_to = functools.partial(_register, shapes=shapes)  # It can be pickled.
-        known[robot.name] = LoadedWorld("surroundings", add_to)
-    moving = [index for index in others if index not in set(still)]
-    standing = _find_shapes(plant, scene_graph, poses, moving)
-    unseen = {*attached_bodies.values(), *ignored}
-    things = [each for each in standing if each.name not in unseen]
-    links = {
-        link: poses[int(plant.GetBodyByName(link, model).index())]
-        for link in robot.description.links
-        if plant.HasBodyNamed(link, model)
-    }
-    names = {each.name for each in standing}
-    for name in (*attached_bodies.values(), *ignored):
-        if name not in names:
-            raise InputError(
-                f"no body {name!r} that could move; {suggest(name, names)}"
-            )
-    for link, name in attached_bodies.items():
-        things += [
-            each._replace(link=link, pose=links[link].inverse() @ each.pose)
-            for each in standing
-            if each.name == name
-        ]
-    things += _payloads(plant, scene_graph, model, links)
-    X_WB = links[robot.description.base] if robot.has_free_base else None
-    return PlanningScene(known[robot.name], tuple(things), X_WB)
-
-
-def _payloads(
-    plant: MultibodyPlant,
-    scene_graph: SceneGraph,
-    model: ModelInstanceIndex,
-    links: Iterable[str],
-) -> Iterator[PlacedShape]:
-    """Yield the shapes of payloads on links of a robot in a diagram."""
-    inspector = scene_graph.model_inspector()
-    for link in links:
-        body = plant.GetBodyByName(link, model)
-        for geometry in plant.GetCollisionGeometriesForBody(body):
-            if inspector.GetName(geometry).rpartition("::")[2] == "payload":
-                pose = RigidTransform(inspector.GetPoseInFrame(geometry))
-                shape = inspector.GetShape(geometry)
-                yield PlacedShape(f"payload of {link}", shape, pose, link)
-
-
-def _scene_graph_of(diagram: Diagram) -> SceneGraph:
-    found = diagram.GetSubsystemByName("scene_graph")
-    assert isinstance(found, SceneGraph)
-    return found
+    # None until it is within reach.
+    model: CollisionModel | None
 
 
 def _radius(

@@ -1,16 +1,14 @@
-"""Groups of joints that are planned for together, and how fast they may be.
+"""Groups of joints that are planned for together.
 
 They are those of the robot's SRDF files, as MoveIt has them, and its trajectory
-controllers, each a group of its name: a robot without an SRDF has groups, too. The
-limits of speed are those of the `joint_limits.yaml` beside the SRDF, else those of the
-description.
+controllers, each a group of its name: a robot without an SRDF has groups, too.
 """
 
 import dataclasses as dc
-import math
 import weakref
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import Any
 
 from arm_drake import yaml_files
 from arm_drake.description.controllers import ControllerConfig
@@ -23,13 +21,9 @@ from arm_drake.plant.joint_ranges import center, find_gripper_joints, joint_rang
 # The groups where there is neither an SRDF nor a trajectory controller.
 ARM, GRIPPER = "arm", "gripper"
 
+_KINEMATICS_FILE = "kinematics.yaml"
+
 _TRAJECTORY_CONTROLLER = "joint_trajectory_controller/JointTrajectoryController"
-
-# Without a limit of its speed a joint has this one [rad/s] or [m/s]; without a limit
-# of its acceleration it needs so long to its full speed [s].
-_SPEED, _TIME_TO_SPEED = 1.0, 1.0
-
-_LIMITS_FILE = "joint_limits.yaml"
 
 
 @dc.dataclass(frozen=True)
@@ -47,22 +41,13 @@ class PlanningGroup:
     # Positions with a name [rad] or [m], by joint.
     states: Mapping[str, Mapping[str, float]]
 
-
-class MotionLimits(NamedTuple):
-    """How fast a joint may be."""
-
-    # [rad/s] or [m/s].
-    velocity: float
-
-    # [rad/s^2] or [m/s^2].
-    acceleration: float
+    # Whether the `kinematics.yaml` beside the SRDF has `position_only_ik` for it: what
+    # a pose says of turns doesn't count then.
+    is_position_only: bool = False
 
 
 # What was found for robots.
 _groups: "weakref.WeakKeyDictionary[Robot, dict[str, PlanningGroup]]" = (
-    weakref.WeakKeyDictionary()
-)
-_limits: "weakref.WeakKeyDictionary[Robot, dict[str, MotionLimits]]" = (
     weakref.WeakKeyDictionary()
 )
 
@@ -99,9 +84,14 @@ def _find_groups(robot: Robot) -> dict[str, PlanningGroup]:
         for label, members in ((ARM, own - grippers), (GRIPPER, own & grippers)):
             if members:
                 groups[label] = tuple(n for n in joints if n in members), None
+    position_only = _find_position_only(robot)
     found = {
         name: PlanningGroup(
-            name, members, tip or _tip(robot, members), _states(robot, name, members)
+            name,
+            members,
+            tip or _tip(robot, members),
+            _states(robot, name, members),
+            name in position_only,
         )
         for name, (members, tip) in groups.items()
     }
@@ -110,6 +100,33 @@ def _find_groups(robot: Robot) -> dict[str, PlanningGroup]:
         return bool(grippers & set(found[name].joints)), -len(found[name].joints)
 
     return {name: found[name] for name in sorted(found, key=rank)}
+
+
+def _find_position_only(robot: Robot) -> set[str]:
+    """Return the groups for which a `kinematics.yaml` has `position_only_ik`."""
+    found = set()
+    for file in find_srdf_files(robot):
+        content = load_beside(file, _KINEMATICS_FILE)
+        for name, row in content.items():
+            if isinstance(row, dict) and row.get("position_only_ik") is True:
+                found.add(str(name))
+    return found
+
+
+def load_beside(file: Path, name: str) -> dict[str, Any]:
+    """Return what a YAML file beside an SRDF says, nothing if it isn't there.
+
+    Raises:
+        InputError: If it can't be read.
+    """
+    path = file.parent / name
+    if not path.is_file():
+        return {}
+    try:
+        content = yaml_files.load(path)
+    except yaml_files.YamlError as error:
+        raise InputError(error.problem, file=path, line=error.line) from None
+    return content if isinstance(content, dict) else {}
 
 
 def find_group(robot: Robot, group: str | Collection[str] | None) -> PlanningGroup:
@@ -187,47 +204,6 @@ def takes_positions(controller: ControllerConfig) -> bool:
     parameter = controller.parameters.get("interface_name")
     is_position = parameter is not None and parameter.value == "position"
     return is_position and controller.type.endswith("/ForwardCommandController")
-
-
-def motion_limits(robot: Robot) -> dict[str, MotionLimits]:
-    """Return how fast each movable joint may be.
-
-    Raises:
-        InputError: If a `joint_limits.yaml` can't be read.
-    """
-    if robot not in _limits:
-        _limits[robot] = _read_limits(robot)
-    return dict(_limits[robot])
-
-
-def _read_limits(robot: Robot) -> dict[str, MotionLimits]:
-    rows: dict[str, Mapping[str, Any]] = {}
-    for file in find_srdf_files(robot):
-        path = file.parent / _LIMITS_FILE
-        if path.is_file():
-            try:
-                content = yaml_files.load(path)
-            except yaml_files.YamlError as error:
-                raise InputError(error.problem, file=path, line=error.line) from None
-            limits = content.get("joint_limits") if isinstance(content, dict) else None
-            if isinstance(limits, dict):
-                rows |= {k: row for k, row in limits.items() if isinstance(row, dict)}
-    limits = {}
-    for joint in robot.description.movable_joints:
-        row = rows.get(joint.name, {})
-        velocity = _limit(row, "velocity") or joint.limits.velocity or _SPEED
-        acceleration = _limit(row, "acceleration") or velocity / _TIME_TO_SPEED
-        limits[joint.name] = MotionLimits(velocity, acceleration)
-    return limits
-
-
-def _limit(row: Mapping[str, Any], what: str) -> float | None:
-    value = row.get(f"max_{what}")
-    if not row.get(f"has_{what}_limits") or isinstance(value, bool):
-        return None
-    if not isinstance(value, int | float) or not 0.0 < value < math.inf:
-        return None
-    return float(value)
 
 
 def _made_of(robot: Robot, names: tuple[str, ...]) -> PlanningGroup:

@@ -29,6 +29,7 @@ TOLERANCE = (1e-5, 1e-4)
 
 # All of a pose counts: x, y, z of the world, turns about x, y, z of the frame.
 WHOLE_POSE = (True,) * 6
+POSITION = (True, True, True, False, False, False)
 
 # Random poses to start from, and how many tries there are before there is none.
 _TABLE, _TRIES = 4000, 100

@@ -19,11 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from pydrake.math import RigidTransform
-from pydrake.multibody.optimization import Toppra, ToppraDiscretization
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.trajectories import PiecewisePolynomial
 
-from arm_drake.description.joints import last_master
 from arm_drake.description.robot import Robot
 from arm_drake.errors import (
     InputError,
@@ -32,19 +28,17 @@ from arm_drake.errors import (
     suggest,
 )
 from arm_drake.messages import JointTrajectory, JointTrajectoryPoint
-from arm_drake.planning.collisions import (
-    CollisionModel,
-    PlacedShape,
-    collision_model,
-)
+from arm_drake.output_files import unbroken
+from arm_drake.planning.collisions import CollisionModel, collision_model
 from arm_drake.planning.groups import (
     PlanningGroup,
     find_controller,
     find_group,
     find_state,
-    motion_limits,
 )
 from arm_drake.planning.inverse_kinematics import (
+    POSITION,
+    WHOLE_POSE,
     complete_positions,
     follow_line,
     forward_kinematics,
@@ -60,10 +54,16 @@ from arm_drake.planning.setting import (
     Setting,
     find_setting,
 )
-from arm_drake.plant.drake_log import drake_messages
+from arm_drake.planning.surroundings import PlacedShape
+from arm_drake.planning.timing import (
+    Mover,
+    Samples,
+    deviation,
+    motion_limits,
+    time_path,
+)
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.payloads import Payload
-from arm_drake.plant.plant import make_reduced_plant, trial_plant
 from arm_drake.worlds.world import World
 
 if TYPE_CHECKING:
@@ -84,11 +84,21 @@ _COARSER = (10.0, 3.0, 1.0)
 # time that a joint needs at full speed [s].
 _ROUNDINGS = (0.2, 0.05, 0.01)
 
+# The same, and how much slower it is made before limits of jerk are kept: what takes it
+# off the path falls with the sixth power of that.
+_WITH_JERK = ((0.2, 1.0), (0.05, 1.5), (0.01, 2.2), (0.01, 5.0))
+
+# How far joints are off a straight line at most, where their jerk is limited [rad].
+_OFF_LINE = 2e-4
+
 # Goals of a pose that a search heads for at once.
 _GOALS = 8
 
 # Steps of a straight line [m], [rad].
 _LINE_STEP, _LINE_TURN = 5e-3, 0.02
+
+# So many shapes of a world are told of.
+_MANY = 2000
 
 # Points on which the clearance is measured, and how far it is looked for [m].
 _CLEARANCE_POINTS, _FAR = 40, 0.3
@@ -299,17 +309,13 @@ def _warnings(problem: "_Problem", legs: Sequence["_Leg"]) -> Iterator[str]:
     """Yield what should be known of a plan."""
     if not problem.model.has_shapes:
         yield "nothing that moves has a collision shape: whatever is there is passed"
+    if (count := problem.model.count_around) > _MANY:
+        yield (
+            f"{count:,} collision shapes of the world are within reach: what a plan "
+            "takes grows with their number"
+        )
     if not all(leg.keeps_effort_limits for leg in legs):
         yield "the joints' limits of effort can't be kept at the speed of the plan"
-
-
-class Samples(NamedTuple):
-    """A motion in time: [s], shape (k,); positions and derivatives, shape (k, n)."""
-
-    t: np.ndarray
-    q: np.ndarray
-    v: np.ndarray
-    a: np.ndarray
 
 
 class _Leg(NamedTuple):
@@ -352,17 +358,32 @@ class _Problem(NamedTuple):
         upper = [math.inf if r.wraps else r.upper for r in chosen]
         return np.array(lower), np.array(upper)
 
-    def time(self, path: np.ndarray, rounding: float) -> tuple[Samples, bool]:
-        """Return a motion along a path, and whether efforts keep their limits."""
+    @property
+    def mask(self) -> Sequence[bool]:
+        """What of poses counts."""
+        if self.options.mask is not None:
+            return self.options.mask
+        return POSITION if self.group.is_position_only else WHOLE_POSE
+
+    @property
+    def has_jerk_limits(self) -> bool:
+        """Whether the jerk of any joint of the group is limited."""
+        limits = motion_limits(self.robot)
+        return any(math.isfinite(limits[name].jerk) for name in self.group.joints)
+
+    def time(self, path: np.ndarray) -> Iterator[tuple[Samples, bool]]:
+        """Yield motions ever nearer to a path, and whether efforts keep limits."""
         mover = Mover(self.robot, self.group.joints, self.positions, self.payloads)
         options = self.options
         scaling = options.velocity_scaling, options.acceleration_scaling
-        found = time_path(mover, path, rounding, scaling)
-        if found is None:
-            raise PlanningError(
-                "no times were found for the path within the joints' limits"
-            )
-        return Samples(*found[:4]), found[4]
+        slower = _WITH_JERK if self.has_jerk_limits else ((r, 1.0) for r in _ROUNDINGS)
+        for rounding, stretch in slower:
+            found = time_path(mover, path, rounding, scaling, stretch)
+            if found is None:
+                raise PlanningError(
+                    "no times were found for the path within the joints' limits"
+                )
+            yield found
 
     def check_start(self) -> None:
         """Raise PlanningError if nothing can start here."""
@@ -409,13 +430,17 @@ class _Problem(NamedTuple):
 def _plan_leg(problem: _Problem, start: np.ndarray, target: Target) -> _Leg:
     """Return the way to one goal."""
     if problem.options.straight:
-        path = _straight_path(problem, start, target)
-        for rounding in _ROUNDINGS:
-            samples, keeps = problem.time(path, rounding)
+        path, at = _straight_path(problem, start, target), None
+        for samples, keeps in problem.time(path):
+            if problem.has_jerk_limits and deviation(path, samples.q) > _OFF_LINE:
+                continue
             at = problem.first_fault(samples.q)
             if at is None:
                 return _Leg(path, samples, keeps)
-        assert at is not None
+        if at is None:
+            raise PlanningError(
+                "the straight line can't be kept within the joints' limits of jerk"
+            )
         part = float(samples.t[at] / samples.t[-1])
         after = samples.q[at : at + 2]
         where = [words for x in after for words in problem.describe(x)]
@@ -429,8 +454,7 @@ def _plan_leg(problem: _Problem, start: np.ndarray, target: Target) -> _Leg:
     for number, coarser in enumerate(_COARSER):
         step = coarser * problem.model.fine_step
         path = _find_path(problem, start, goals, step, deadline, number)
-        for rounding in _ROUNDINGS:
-            samples, keeps = problem.time(path, rounding)
+        for samples, keeps in problem.time(path):
             if problem.first_fault(samples.q) is None:
                 return _Leg(path, samples, keeps)
     tilts = "" if problem.tilt is None else " or tilts more than it may"
@@ -486,7 +510,7 @@ def _find_solutions(
     problem: _Problem, start: np.ndarray, X_WG: RigidTransform
 ) -> list[np.ndarray]:
     """Return joint positions that put the frame at a pose, the nearest first."""
-    joints, mask, tilt = problem.group.joints, problem.options.mask, problem.tilt
+    joints, mask, tilt = problem.group.joints, problem.mask, problem.tilt
     solution = solve_ik(
         problem.robot,
         problem.frame,
@@ -526,7 +550,7 @@ def _straight_path(problem: _Problem, start: np.ndarray, target: Target) -> np.n
         X_WG,
         seed=problem.named(start),
         group=problem.group.joints,
-        mask=problem.options.mask,
+        mask=problem.mask,
         step=(_LINE_STEP, _LINE_TURN),
     )
     if fraction < 1.0:
@@ -551,7 +575,8 @@ def _find_path(
         if problem.is_edge_allowed(start, goal, step):
             return np.array([start, goal])
     try:
-        from arm_drake.planning.search import find_way
+        with unbroken():  # Else Ctrl-C is an ImportError.
+            from arm_drake.planning.search import find_way
     except ImportError:
         raise MissingExtraError("a plan around something", "planning") from None
     lower, upper = problem.limits()
@@ -627,157 +652,3 @@ def _listed(model: CollisionModel, x: np.ndarray) -> str:
     found = model.describe(x)
     more = f" and {len(found) - 3} more" if len(found) > 3 else ""
     return (", ".join(found[:3]) or "links come closer than the padding") + more
-
-
-# Time between points of a trajectory [s].
-_PERIOD = 0.02
-
-# Toppra exceeds limits between its grid points by some percent.
-_MARGIN, _GRID = 0.98, 100
-
-# Grid points aren't closer than this; what is no limit for Toppra.
-_SMALLEST, _UNLIMITED = 1e-6, 1e6
-
-
-class Mover(NamedTuple):
-    """What moves: joints of a robot, and what its links hold."""
-
-    robot: Robot
-    joints: tuple[str, ...]
-
-    # Where all joints are at first [rad] or [m].
-    positions: Mapping[str, float]
-
-    payloads: Mapping[str, Payload]
-
-    @property
-    def start(self) -> np.ndarray:
-        """Where the joints are at first."""
-        return np.array([self.positions[name] for name in self.joints])
-
-
-def time_path(
-    mover: Mover, path: np.ndarray, rounding: float, scaling: tuple[float, float]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, bool] | None:
-    """Return times [s], positions and two derivatives, shapes (k,) and (k, n).
-
-    It moves along the path within the limits; last is whether efforts keep theirs.
-    Corners are rounded by parabolas that begin `rounding` before them. None is returned
-    if there are no times for the path.
-    """
-    robot, joints = mover.robot, mover.joints
-    limits = motion_limits(robot)
-    v = np.array([limits[name].velocity for name in joints]) * scaling[0]
-    a = np.array([limits[name].acceleration for name in joints]) * scaling[1]
-    lengths = [float(np.max(np.abs(y - x) / v)) for x, y in itertools.pairwise(path)]
-    keep = [True, *(length > 1e-9 for length in lengths)]
-    path, lengths = path[keep], [length for length in lengths if length > 1e-9]
-    if not lengths:
-        still = np.zeros((1, len(joints)))
-        return np.zeros(1), path[:1], still, still, True
-    curve = _round(path, lengths, rounding)
-    found = _parametrize(mover, curve, v, a)
-    if found is None:
-        return None
-    times, keeps = found
-    count = max(2, math.ceil(times.end_time() / _PERIOD) + 1)
-    t = np.linspace(0.0, times.end_time(), count)
-    s, s1, s2 = (f.vector_values(t)[0] for f in _derivatives(times))
-    q, q1, q2 = (f.vector_values(s).T for f in _derivatives(curve))
-    velocities = q1 * s1[:, np.newaxis]
-    accelerations = q2 * (s1**2)[:, np.newaxis] + q1 * s2[:, np.newaxis]
-    slower = max(
-        1.0,
-        float(np.max(np.abs(velocities) / v)),
-        math.sqrt(float(np.max(np.abs(accelerations) / a))),
-    )
-    velocities[[0, -1]] = 0.0
-    q[0], q[-1] = path[0], path[-1]
-    return t * slower, q, velocities / slower, accelerations / slower**2, keeps
-
-
-def _derivatives(curve: PiecewisePolynomial) -> list[PiecewisePolynomial]:
-    return [curve, curve.derivative(1), curve.derivative(2)]
-
-
-def _round(
-    path: np.ndarray, lengths: Sequence[float], rounding: float
-) -> PiecewisePolynomial:
-    """Return a curve of lines and of parabolas at the corners."""
-    u = [(y - x) / n for x, y, n in zip(path, path[1:], lengths, strict=False)]
-    breaks, values, slopes = [0.0], [path[0]], [u[0]]
-    at = 0.0
-    for i in range(1, len(path) - 1):
-        at += lengths[i - 1]
-        b = min(rounding, 0.45 * lengths[i - 1], 0.45 * lengths[i])
-        breaks += [at - b, at + b]
-        values += [path[i] - b * u[i - 1], path[i] + b * u[i]]
-        slopes += [u[i - 1], u[i]]
-    breaks.append(at + lengths[-1])
-    values.append(path[-1])
-    slopes.append(u[-1])
-    # Cubics that are given by values and slopes at their ends are these curves.
-    return PiecewisePolynomial.CubicHermite(
-        breaks, np.array(values).T, np.array(slopes).T
-    )
-
-
-def _parametrize(
-    mover: Mover, curve: PiecewisePolynomial, v: np.ndarray, a: np.ndarray
-) -> tuple[PiecewisePolynomial, bool] | None:
-    """Return the curve's parameter by time, and whether limits of effort are kept."""
-    plant, joints = _timing_plant(mover), mover.joints
-    chosen = [plant.GetJointByName(name).position_start() for name in joints]
-    whole = _of_all_joints(mover, curve)
-    breaks = np.array(curve.get_segment_times())
-    even = np.linspace(breaks[0], breaks[-1], _GRID)
-    grid = np.unique(np.concatenate([breaks, even]))
-    grid = grid[np.append(np.diff(grid) > _SMALLEST, True)]
-    grid[0] = breaks[0]
-    most_v, most_a, most_u = np.full((3, plant.num_positions()), _UNLIMITED)
-    most_v[chosen], most_a[chosen] = v, _MARGIN * a
-    efforts = {j.name: j.limits.effort for j in mover.robot.description.joints}
-    for name, at in zip(joints, chosen, strict=True):
-        most_u[at] = min(efforts[name] or _UNLIMITED, _UNLIMITED)
-    # Interpolation is exact at more points, collocation rarely fails.
-    ways = (ToppraDiscretization.kInterpolation, ToppraDiscretization.kCollocation)
-    with drake_messages():  # It says so when it fails.
-        for keeps, way in itertools.product((True, False), ways):
-            toppra = Toppra(whole, plant, grid)
-            toppra.AddJointVelocityLimit(-most_v, most_v)
-            toppra.AddJointAccelerationLimit(-most_a, most_a, way)
-            if keeps:
-                toppra.AddJointTorqueLimit(-most_u, most_u, way)
-            times = toppra.SolvePathParameterization()
-            if times is not None:
-                return times, keeps
-    return None
-
-
-def _timing_plant(mover: Mover) -> MultibodyPlant:
-    """Return a plant of the robot alone, with what its links hold."""
-    robot = mover.robot
-    if not any(payload.mass for payload in mover.payloads.values()):
-        return trial_plant(robot)
-    return make_reduced_plant(
-        robot.description, robot.pose, 1e-3, payloads=mover.payloads
-    )
-
-
-def _of_all_joints(mover: Mover, curve: PiecewisePolynomial) -> Any:
-    """Return the curve with the joints that follow, and those that stay."""
-    plant, group = trial_plant(mover.robot), mover.joints
-    joints = {joint.name: joint for joint in mover.robot.description.movable_joints}
-    rest = np.zeros(plant.num_positions())
-    spread = np.zeros((plant.num_positions(), len(group)))
-    for name, joint in joints.items():
-        at = plant.GetJointByName(name).position_start()
-        rest[at] = mover.positions[name]
-        master, factor, _ = last_master(joint, joints)
-        if master in group:
-            spread[at, group.index(master)] = factor
-    breaks = curve.get_segment_times()
-    values = np.array([curve.value(s)[:, 0] for s in breaks])
-    slopes = np.array([curve.EvalDerivative(s, 1)[:, 0] for s in breaks])
-    offsets = rest + (values - mover.start) @ spread.T
-    return PiecewisePolynomial.CubicHermite(breaks, offsets.T, (slopes @ spread.T).T)

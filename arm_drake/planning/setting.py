@@ -12,9 +12,9 @@ from pydrake.systems.framework import Context, Diagram
 from arm_drake.description.robot import Robot
 from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.messages import JointState
-from arm_drake.planning.collisions import PlacedShape, read_planning_scene
-from arm_drake.planning.inverse_kinematics import WHOLE_POSE, complete_positions
+from arm_drake.planning.inverse_kinematics import complete_positions
 from arm_drake.planning.orientation_constraint import OrientationConstraint
+from arm_drake.planning.surroundings import PlacedShape, read_planning_scene
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.payloads import Payload
 from arm_drake.worlds.world import World
@@ -88,8 +88,9 @@ class PlanOptions:
     # Whether the frame moves on a straight line and turns evenly.
     straight: bool = False
 
-    # What of poses counts, as that of `solve_ik`.
-    mask: Sequence[bool] = WHOLE_POSE
+    # What of poses counts, as that of `solve_ik`; None is all, or the position where
+    # the `kinematics.yaml` beside the SRDF has `position_only_ik` for the group.
+    mask: Sequence[bool] | None = None
 
     # How far a link may tilt along the way; None is as far as it likes.
     path_constraint: OrientationConstraint | None = None

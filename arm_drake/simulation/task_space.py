@@ -25,11 +25,11 @@ from arm_drake.planning.groups import (
     find_group,
     find_position_controller,
     find_state,
-    motion_limits,
     require_controller,
 )
 from arm_drake.planning.inverse_kinematics import NoSolution, solve_ik
 from arm_drake.planning.orientation_constraint import OrientationConstraint
+from arm_drake.planning.timing import motion_limits
 from arm_drake.simulation.clients import ControllerHandle, TopicHandle
 from arm_drake.simulation.directory import Directory
 from arm_drake.simulation.mailbox import GoalHandle, Mailbox

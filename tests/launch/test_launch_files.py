@@ -10,7 +10,7 @@ import arm_drake as ad
 from arm_drake.cli import main
 from arm_drake.errors import InputError, PackageError
 from arm_drake.launch.launch_files import load_arguments, show_arguments
-from arm_drake.planning.groups import motion_limits
+from arm_drake.planning.timing import motion_limits
 from tests.launch.packages import describe, make_package, write_launch
 
 

@@ -1,11 +1,13 @@
 """Groups of SRDF files, and of controllers where there are none."""
 
+import math
 from pathlib import Path
 
 import pytest
 
 import arm_drake as ad
-from arm_drake.planning.groups import find_group, find_state, motion_limits
+from arm_drake.planning.groups import find_group, find_state
+from arm_drake.planning.timing import motion_limits
 
 JOINT = """<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>
 <limit lower="-1" upper="1" effort="1" velocity="{3}"/>{4}</joint>"""
@@ -37,8 +39,17 @@ SRDF = """<robot name="arm">
 
 LIMITS = """joint_limits:
   a: {has_velocity_limits: true, max_velocity: 1.5,
-      has_acceleration_limits: true, max_acceleration: 7}
+      has_acceleration_limits: true, max_acceleration: 7,
+      has_jerk_limits: true, max_jerk: 50}
   b: {has_velocity_limits: false, max_velocity: 1.0}
+"""
+
+
+KINEMATICS = """arm:
+  kinematics_solver: kdl_kinematics_plugin/KDLKinematicsPlugin
+  kinematics_solver_timeout: 0.005
+  position_only_ik: true
+gripper: {position_only_ik: false}
 """
 
 
@@ -51,6 +62,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ad.Robot:
         "arm_moveit_config/package.xml": "<name>arm_moveit_config</name>",
         "arm_moveit_config/config/arm.srdf": SRDF,
         "arm_moveit_config/config/joint_limits.yaml": LIMITS,
+        "arm_moveit_config/config/kinematics.yaml": KINEMATICS,
     }
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -90,11 +102,11 @@ def test_states_are_those_for_all_joints_of_a_group(robot: ad.Robot) -> None:
 def test_speeds_are_those_of_moveit_then_the_description(robot: ad.Robot) -> None:
     limits = motion_limits(robot)
 
-    assert limits["a"] == (1.5, 7.0)
+    assert limits["a"] == (1.5, 7.0, 50.0)
     # Full speed takes a second where nothing is said.
-    assert limits["b"] == (3.0, 3.0)
+    assert limits["b"] == (3.0, 3.0, math.inf)
     # A speed of 0 is none: 1 rad/s.
-    assert limits["c"] == (1.0, 1.0)
+    assert limits["c"] == (1.0, 1.0, math.inf)
 
 
 def test_a_robot_without_srdf_has_its_controllers_as_groups() -> None:
@@ -116,3 +128,29 @@ def test_unknown_groups_and_joints_are_named(robot: ad.Robot) -> None:
         with pytest.raises(ad.ArmDrakeError) as caught:
             find_group(robot, wrong)
         assert str(caught.value).startswith(message)
+
+
+def test_a_pose_is_a_position_where_kinematics_yaml_says_so(robot: ad.Robot) -> None:
+    groups = ad.planning_groups(robot)
+    assert [name for name, g in groups.items() if g.is_position_only] == ["arm"]
+    # Its joints turn about one axis, so that no other turn can be reached.
+    pose = [*robot.forward_kinematics({}, "three").translation(), 1.0, 1.0, 1.0]
+
+    plan = ad.plan(robot, pose, group="arm", world="void")
+
+    reached = robot.forward_kinematics(plan.end, "three").translation()
+    assert reached == pytest.approx(pose[:3], abs=1e-4)
+    with pytest.raises(ad.NoSolution):
+        ad.plan(robot, pose, group="arm", world="void", mask=(True,) * 6)
+
+
+def test_a_kinematics_yaml_that_can_not_be_read_is_named(
+    robot: ad.Robot, tmp_path: Path
+) -> None:
+    file = tmp_path / "arm_moveit_config/config/kinematics.yaml"
+    file.write_text("arm: [", encoding="utf-8")
+
+    with pytest.raises(ad.ArmDrakeError) as caught:
+        ad.plan(robot, "up", group="arm")
+
+    assert f"{file}:" in str(caught.value)

@@ -13,14 +13,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pydrake.geometry import Box
+from pydrake.geometry import Box, Sphere
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 
 import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.planning.collisions import CollisionModel
-from arm_drake.planning.groups import motion_limits
+from arm_drake.planning.surroundings import PlacedShape
+from arm_drake.planning.timing import motion_limits
 from arm_drake.worlds.world import add_world
 
 START = {"joint1": -1.0, "joint2": 0.9, "joint3": 0.8}
@@ -454,15 +455,61 @@ def test_ctrl_c_ends_a_search(
     assert time.process_time() - told[0] < 0.5
 
 
-def test_a_world_of_too_many_shapes_is_one_message(
+def with_many_boxes(plant: MultibodyPlant) -> None:
+    """Add the ground, boxes within reach, and boxes that are far away."""
+    add_world(plant, "empty")
+    rng, friction = np.random.default_rng(3), CoulombFriction(1.0, 1.0)
+    for index in range(12):
+        away = 0.0 if index < 9 else 20.0
+        place = RigidTransform(rng.uniform(-1.0, 1.0, 3) + np.array([away, 0.0, 0.9]))
+        body = plant.world_body()
+        shape, name = Box(0.3, 0.2, 0.1), f"box_{index}"
+        plant.RegisterCollisionGeometry(body, place, shape, name, friction)
+
+
+def test_many_shapes_are_checked_in_parts(
     doosan: ad.Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("arm_drake.planning.collisions._MOST_SHAPES", 1)
+    joints = tuple(doosan.initial_positions)
+    ball = [PlacedShape("ball", Sphere(0.15), RigidTransform([0, 0, 0.2]), "link6")]
 
-    with pytest.raises(InputError) as caught:
-        ad.plan(doosan, END, world=lambda plant: with_a_post(plant))
+    def make() -> CollisionModel:
+        initial = doosan.initial_positions
+        made = CollisionModel(
+            doosan, joints, with_many_boxes, padding=0.005, positions=initial
+        )
+        made.set_things(ball)
+        return made
 
-    assert str(caught.value) == (
-        "world: expected at most 1 collision shapes, got 2: what they take grows with "
-        "the square of their number; several in one mesh are one shape"
+    whole = make()
+    monkeypatch.setattr("arm_drake.planning.surroundings._MOST_SHAPES", 2)
+    parted = make()
+
+    # Drake's checker of all shapes at once is the judge.
+    qs = np.random.default_rng(4).uniform(-2.0, 2.0, (60, len(joints)))
+    free = [whole.is_free(q) for q in qs]
+    assert 5 < sum(free) < 55
+    assert [parted.is_free(q) for q in qs] == free
+    assert [parted.describe(q) for q in qs] == [whole.describe(q) for q in qs]
+    way = qs[free]
+    assert parted.first_collision(way) == whole.first_collision(way)
+    for q in way:
+        near = whole.clearance([q], 0.3)
+        assert parted.clearance([q], 0.3) == pytest.approx(near, abs=1e-9)
+    for x, y in itertools.pairwise(way):
+        assert parted.is_edge_free(x, y, 0.1) == whole.is_edge_free(x, y, 0.1)
+    # What is out of reach costs nothing.
+    assert parted.count_around < whole.count_around == 13
+
+
+def test_very_many_shapes_are_told_of(
+    doosan: ad.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("arm_drake.planning.motion_planning._MANY", 1)
+
+    plan = ad.plan(doosan, {"joint1": 0.1}, world=with_a_post)
+
+    assert plan.warnings == (
+        "2 collision shapes of the world are within reach: what a plan takes grows "
+        "with their number",
     )

@@ -10,7 +10,7 @@ import yaml
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
 from arm_drake.output_files import writing
-from arm_drake.planning.groups import motion_limits
+from arm_drake.planning.timing import motion_limits
 from arm_drake.simulation.motion_files import parse_motion
 from arm_drake.visualization.page.parts import Live, Part, Viewer
 from arm_drake.visualization.page.widgets import Button, Buttons, Section, Slider, Text

@@ -1,0 +1,344 @@
+"""How fast joints may be, and times along a path within that, by Drake's Toppra.
+
+Limits are those of the `joint_limits.yaml` beside the SRDF, else of the description.
+
+What Toppra finds has steps in its acceleration. Where joints have limits of jerk, the
+motion is averaged over a window of time: its speeds and accelerations then are means of
+what they were, so they keep their limits, and its jerk is the difference of two
+accelerations by the window (Biagiotti, Melchiorri: FIR filters for online trajectory
+planning with time- and frequency-domain specifications, 2012). It takes longer by the
+window, and leaves the path by no more than acceleration times its square by 24.
+"""
+
+import itertools
+import math
+import weakref
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydrake.multibody.optimization import Toppra, ToppraDiscretization
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.trajectories import PiecewisePolynomial
+
+from arm_drake.description.joints import last_master
+from arm_drake.description.robot import Robot
+from arm_drake.description.srdf import find_srdf_files
+from arm_drake.planning.groups import load_beside
+from arm_drake.plant.drake_log import drake_messages
+from arm_drake.plant.payloads import Payload
+from arm_drake.plant.plant import make_reduced_plant, trial_plant
+
+# Without a limit of its speed a joint has this one [rad/s] or [m/s]; without a limit
+# of its acceleration it needs so long to its full speed [s].
+_SPEED, _TIME_TO_SPEED = 1.0, 1.0
+
+_LIMITS_FILE = "joint_limits.yaml"
+
+# Time between points of a trajectory [s].
+_PERIOD = 0.02
+
+# The same where a motion is averaged [s].
+_FINE = 1e-3
+
+# Toppra exceeds limits between its grid points by some percent.
+_MARGIN, _GRID = 0.98, 100
+
+# Grid points aren't closer than this; what is no limit for Toppra.
+_SMALLEST, _UNLIMITED = 1e-6, 1e6
+
+
+class MotionLimits(NamedTuple):
+    """How fast a joint may be."""
+
+    # [rad/s] or [m/s].
+    velocity: float
+
+    # [rad/s^2] or [m/s^2].
+    acceleration: float
+
+    # [rad/s^3] or [m/s^3]; infinite without a limit.
+    jerk: float = math.inf
+
+
+_limits: "weakref.WeakKeyDictionary[Robot, dict[str, MotionLimits]]" = (
+    weakref.WeakKeyDictionary()
+)
+
+
+def motion_limits(robot: Robot) -> dict[str, MotionLimits]:
+    """Return how fast each movable joint may be.
+
+    Raises:
+        InputError: If a `joint_limits.yaml` can't be read.
+    """
+    if robot not in _limits:
+        _limits[robot] = _read_limits(robot)
+    return dict(_limits[robot])
+
+
+def _read_limits(robot: Robot) -> dict[str, MotionLimits]:
+    rows: dict[str, Mapping[str, Any]] = {}
+    for file in find_srdf_files(robot):
+        limits = load_beside(file, _LIMITS_FILE).get("joint_limits")
+        if isinstance(limits, dict):
+            rows |= {k: row for k, row in limits.items() if isinstance(row, dict)}
+    limits = {}
+    for joint in robot.description.movable_joints:
+        row = rows.get(joint.name, {})
+        velocity = _limit(row, "velocity") or joint.limits.velocity or _SPEED
+        acceleration = _limit(row, "acceleration") or velocity / _TIME_TO_SPEED
+        jerk = _limit(row, "jerk") or math.inf
+        limits[joint.name] = MotionLimits(velocity, acceleration, jerk)
+    return limits
+
+
+def _limit(row: Mapping[str, Any], what: str) -> float | None:
+    value = row.get(f"max_{what}")
+    if not row.get(f"has_{what}_limits") or isinstance(value, bool):
+        return None
+    if not isinstance(value, int | float) or not 0.0 < value < math.inf:
+        return None
+    return float(value)
+
+
+class Samples(NamedTuple):
+    """A motion in time: [s], shape (k,); positions and derivatives, shape (k, n)."""
+
+    t: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+
+
+class Mover(NamedTuple):
+    """What moves: joints of a robot, and what its links hold."""
+
+    robot: Robot
+    joints: tuple[str, ...]
+
+    # Where all joints are at first [rad] or [m].
+    positions: Mapping[str, float]
+
+    payloads: Mapping[str, Payload]
+
+    @property
+    def start(self) -> np.ndarray:
+        """Where the joints are at first."""
+        return np.array([self.positions[name] for name in self.joints])
+
+
+def time_path(
+    mover: Mover,
+    path: np.ndarray,
+    rounding: float,
+    scaling: tuple[float, float],
+    stretch: float = 1.0,
+) -> tuple[Samples, bool] | None:
+    """Return a motion along a path, shape (m, n), and if efforts keep their limits.
+
+    Corners are rounded by parabolas that begin `rounding` before them. It is `stretch`
+    times slower than it could be. None is returned if there are no times for the path.
+    """
+    robot, joints = mover.robot, mover.joints
+    limits = motion_limits(robot)
+    v = np.array([limits[name].velocity for name in joints]) * scaling[0]
+    a = np.array([limits[name].acceleration for name in joints]) * scaling[1]
+    jerk = np.array([limits[name].jerk for name in joints])
+    lengths = [float(np.max(np.abs(y - x) / v)) for x, y in itertools.pairwise(path)]
+    keep = [True, *(length > 1e-9 for length in lengths)]
+    path, lengths = path[keep], [length for length in lengths if length > 1e-9]
+    if not lengths:
+        still = np.zeros((1, len(joints)))
+        return Samples(np.zeros(1), path[:1], still, still), True
+    curve = _round(path, lengths, rounding)
+    found = _parametrize(mover, curve, v, a)
+    if found is None:
+        return None
+    times, keeps = found
+    samples = _sample(curve, times, _PERIOD)
+    slower = stretch * max(
+        1.0,
+        float(np.max(np.abs(samples.v) / v)),
+        math.sqrt(float(np.max(np.abs(samples.a) / a))),
+    )
+    if np.all(np.isinf(jerk)):
+        samples = _slow_down(samples, slower)
+    else:
+        samples = _average(_slow_down(_sample(curve, times, _FINE), slower), jerk)
+    samples.v[[0, -1]] = 0.0
+    samples.q[0], samples.q[-1] = path[0], path[-1]
+    return samples, keeps
+
+
+def _sample(
+    curve: PiecewisePolynomial, times: PiecewisePolynomial, period: float
+) -> Samples:
+    """Return points of a motion, apart by at most a period [s]."""
+    count = max(2, math.ceil(times.end_time() / period) + 1)
+    t = np.linspace(0.0, times.end_time(), count)
+    s, s1, s2 = (f.vector_values(t)[0] for f in _derivatives(times))
+    q, q1, q2 = (f.vector_values(s).T for f in _derivatives(curve))
+    v = q1 * s1[:, np.newaxis]
+    return Samples(t, q, v, q2 * (s1**2)[:, np.newaxis] + q1 * s2[:, np.newaxis])
+
+
+def _slow_down(samples: Samples, factor: float) -> Samples:
+    t, q, v, a = samples
+    return Samples(t * factor, q, v / factor, a / factor**2)
+
+
+def _average(samples: Samples, jerk: np.ndarray) -> Samples:
+    """Return the means of a motion over a window of time that keep limits of jerk.
+
+    Args:
+        samples: The motion, at points that are close to each other.
+        jerk: Limits of the joints [rad/s^3] or [m/s^3], shape (n,).
+    """
+    t, q, v, a = samples
+    changes = np.maximum(a.max(axis=0), 0.0) - np.minimum(a.min(axis=0), 0.0)
+    window = float(np.max(changes / jerk)) / _MARGIN
+    end = t[-1] + window
+    at = np.linspace(0.0, end, max(2, math.ceil(end / _PERIOD) + 1))
+    # The integral of cubics that have the positions and velocities, exactly.
+    steps = np.diff(t)[:, np.newaxis]
+    areas = steps * (q[1:] + q[:-1]) / 2 + steps**2 * (v[:-1] - v[1:]) / 12
+    area = np.vstack([np.zeros_like(q[:1]), np.cumsum(areas, axis=0)])
+    whole = PiecewisePolynomial.CubicHermite(t, area.T, q.T)
+    position = PiecewisePolynomial.CubicHermite(t, q.T, v.T)
+
+    def part(values: PiecewisePolynomial, x: np.ndarray) -> np.ndarray:
+        return np.array(values.vector_values(np.clip(x, 0.0, t[-1]))).T
+
+    def area_to(x: np.ndarray) -> np.ndarray:  # It stands before and after.
+        before, after = np.minimum(x, 0.0), np.maximum(x - t[-1], 0.0)
+        return part(whole, x) + np.outer(before, q[0]) + np.outer(after, q[-1])
+
+    def velocity(x: np.ndarray) -> np.ndarray:
+        inside = [np.interp(x, t, column, left=0.0, right=0.0) for column in v.T]
+        return np.array(inside).T
+
+    averaged = Samples(
+        at,
+        (area_to(at) - area_to(at - window)) / window,
+        (part(position, at) - part(position, at - window)) / window,
+        (velocity(at) - velocity(at - window)) / window,
+    )
+    # What controllers play between points may exceed what is averaged.
+    beyond = float(np.max(_most_jerk(averaged) / jerk))
+    return _slow_down(averaged, max(1.0, beyond / _MARGIN) ** (1.0 / 3.0))
+
+
+def _most_jerk(samples: Samples) -> np.ndarray:
+    """Return the largest jerk of the quintics through points, shape (n,)."""
+    t, q, v, a = samples
+    h = np.diff(t)[:, np.newaxis]
+    change, v0, v1, a0, a1 = np.diff(q, axis=0), v[:-1], v[1:], a[:-1], a[1:]
+    c3 = 10 * change - (4 * v1 + 6 * v0) * h - (1.5 * a0 - 0.5 * a1) * h**2
+    c4 = -15 * change + (7 * v1 + 8 * v0) * h + (1.5 * a0 - a1) * h**2
+    c5 = 6 * change - 3 * (v1 + v0) * h + 0.5 * (a1 - a0) * h**2
+    # A parabola has its extremes at the ends, and where its slope is none.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        top = np.nan_to_num(np.clip(-c4 / (5 * c5), 0.0, 1.0))
+    jerks = [6 * c3 + 24 * c4 * x + 60 * c5 * x**2 for x in (0.0, 1.0, top)]
+    most: np.ndarray = np.max(np.abs(jerks) / h**3, axis=(0, 1))
+    return most
+
+
+def deviation(path: np.ndarray, q: np.ndarray) -> float:
+    """Return how far points, shape (k, n), are from lines through others, (m, n)."""
+    one, line = path[:-1], np.diff(path, axis=0)
+    length = np.maximum(np.sum(line**2, axis=1), 1e-18)
+    farthest = 0.0
+    for point in q:
+        along = np.clip(np.sum((point - one) * line, axis=1) / length, 0.0, 1.0)
+        away = point - one - along[:, np.newaxis] * line
+        farthest = max(farthest, float(np.min(np.linalg.norm(away, axis=1))))
+    return farthest
+
+
+def _derivatives(curve: PiecewisePolynomial) -> list[PiecewisePolynomial]:
+    return [curve, curve.derivative(1), curve.derivative(2)]
+
+
+def _round(
+    path: np.ndarray, lengths: Sequence[float], rounding: float
+) -> PiecewisePolynomial:
+    """Return a curve of lines and of parabolas at the corners."""
+    u = [(y - x) / n for x, y, n in zip(path, path[1:], lengths, strict=False)]
+    breaks, values, slopes = [0.0], [path[0]], [u[0]]
+    at = 0.0
+    for i in range(1, len(path) - 1):
+        at += lengths[i - 1]
+        b = min(rounding, 0.45 * lengths[i - 1], 0.45 * lengths[i])
+        breaks += [at - b, at + b]
+        values += [path[i] - b * u[i - 1], path[i] + b * u[i]]
+        slopes += [u[i - 1], u[i]]
+    breaks.append(at + lengths[-1])
+    values.append(path[-1])
+    slopes.append(u[-1])
+    # Cubics that are given by values and slopes at their ends are these curves.
+    return PiecewisePolynomial.CubicHermite(
+        breaks, np.array(values).T, np.array(slopes).T
+    )
+
+
+def _parametrize(
+    mover: Mover, curve: PiecewisePolynomial, v: np.ndarray, a: np.ndarray
+) -> tuple[PiecewisePolynomial, bool] | None:
+    """Return the curve's parameter by time, and whether limits of effort are kept."""
+    plant, joints = _timing_plant(mover), mover.joints
+    chosen = [plant.GetJointByName(name).position_start() for name in joints]
+    whole = _of_all_joints(mover, curve)
+    breaks = np.array(curve.get_segment_times())
+    even = np.linspace(breaks[0], breaks[-1], _GRID)
+    grid = np.unique(np.concatenate([breaks, even]))
+    grid = grid[np.append(np.diff(grid) > _SMALLEST, True)]
+    grid[0] = breaks[0]
+    most_v, most_a, most_u = np.full((3, plant.num_positions()), _UNLIMITED)
+    most_v[chosen], most_a[chosen] = v, _MARGIN * a
+    efforts = {j.name: j.limits.effort for j in mover.robot.description.joints}
+    for name, at in zip(joints, chosen, strict=True):
+        most_u[at] = min(efforts[name] or _UNLIMITED, _UNLIMITED)
+    # Interpolation is exact at more points, collocation rarely fails.
+    ways = (ToppraDiscretization.kInterpolation, ToppraDiscretization.kCollocation)
+    with drake_messages():  # It says so when it fails.
+        for keeps, way in itertools.product((True, False), ways):
+            toppra = Toppra(whole, plant, grid)
+            toppra.AddJointVelocityLimit(-most_v, most_v)
+            toppra.AddJointAccelerationLimit(-most_a, most_a, way)
+            if keeps:
+                toppra.AddJointTorqueLimit(-most_u, most_u, way)
+            times = toppra.SolvePathParameterization()
+            if times is not None:
+                return times, keeps
+    return None
+
+
+def _timing_plant(mover: Mover) -> MultibodyPlant:
+    """Return a plant of the robot alone, with what its links hold."""
+    robot = mover.robot
+    if not any(payload.mass for payload in mover.payloads.values()):
+        return trial_plant(robot)
+    return make_reduced_plant(
+        robot.description, robot.pose, 1e-3, payloads=mover.payloads
+    )
+
+
+def _of_all_joints(mover: Mover, curve: PiecewisePolynomial) -> Any:
+    """Return the curve with the joints that follow, and those that stay."""
+    plant, group = trial_plant(mover.robot), mover.joints
+    joints = {joint.name: joint for joint in mover.robot.description.movable_joints}
+    rest = np.zeros(plant.num_positions())
+    spread = np.zeros((plant.num_positions(), len(group)))
+    for name, joint in joints.items():
+        at = plant.GetJointByName(name).position_start()
+        rest[at] = mover.positions[name]
+        master, factor, _ = last_master(joint, joints)
+        if master in group:
+            spread[at, group.index(master)] = factor
+    breaks = curve.get_segment_times()
+    values = np.array([curve.value(s)[:, 0] for s in breaks])
+    slopes = np.array([curve.EvalDerivative(s, 1)[:, 0] for s in breaks])
+    offsets = rest + (values - mover.start) @ spread.T
+    return PiecewisePolynomial.CubicHermite(breaks, offsets.T, (slopes @ spread.T).T)

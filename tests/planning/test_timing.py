@@ -1,0 +1,91 @@
+"""Limits of jerk, held against derivatives of what a controller would play."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+from scipy.interpolate import BPoly
+
+import arm_drake as ad
+from tests.planning.test_motion_planning import END, START, with_a_post
+
+JERK, ACCELERATION = 20.0, 4.0
+
+
+def with_jerk_limits(name: str, folder: Path) -> ad.Robot:
+    """Load a robot with a MoveIt config package that limits jerk."""
+    description = ad.load_robot(name).description
+    (folder / "robot.srdf").write_text(f'<robot name="{description.name}"/>')
+    row = (
+        f"{{has_acceleration_limits: true, max_acceleration: {ACCELERATION}, "
+        f"has_jerk_limits: true, max_jerk: {JERK}}}"
+    )
+    rows = [f"  {joint.name}: {row}\n" for joint in description.movable_joints]
+    (folder / "joint_limits.yaml").write_text("joint_limits:\n" + "".join(rows))
+    return ad.load_robot(name, srdf=[folder / "robot.srdf"])
+
+
+def jerks_of(plan: ad.Plan) -> tuple[float, float]:
+    """Return the largest jerk of positions, by differences, and of quintics."""
+    points = plan.trajectory.points
+    t = np.array([point.time_from_start.to_seconds() for point in points])
+    q = np.array([point.positions for point in points])
+    v = np.array([point.velocities for point in points])
+    a = np.array([point.accelerations for point in points])
+    differences = np.diff(q, n=3, axis=0) / (t[1] - t[0]) ** 3
+    played = BPoly.from_derivatives(t, np.stack([q, v, a], axis=1))
+    third = played.derivative(3)(np.linspace(0.0, t[-1], 20_000))
+    return float(np.abs(differences).max()), float(np.abs(third).max())
+
+
+@pytest.mark.parametrize("name", ["doosan_a0912", "mycobot_280"])
+def test_a_line_takes_as_long_as_its_jerk_needs(name: str, tmp_path: Path) -> None:
+    robot = with_jerk_limits(name, tmp_path)
+    group = next(iter(ad.planning_groups(robot).values()))
+    joint = group.joints[0]
+
+    plan = ad.plan(robot, {joint: 0.7}, world="void")
+
+    differences, played = jerks_of(plan)
+    assert max(differences, played) <= JERK
+    assert played >= 0.5 * JERK
+    # From rest to rest within both limits it takes so long, where speed is no limit.
+    ramp = ACCELERATION / JERK
+    fastest = ramp + math.sqrt(ramp**2 + 4.0 * 0.7 / ACCELERATION)
+    assert fastest <= plan.duration <= 1.25 * fastest
+
+
+def test_a_way_around_a_post_keeps_limits_of_jerk(tmp_path: Path) -> None:
+    pytest.importorskip("ompl")
+    robot = with_jerk_limits("doosan_a0912", tmp_path)
+
+    plan = ad.plan(robot, END, start=START, world=with_a_post)
+
+    differences, played = jerks_of(plan)
+    assert max(differences, played) <= JERK
+    assert played >= 0.5 * JERK
+    assert plan.clearance >= 0.005 - 1e-6
+    assert {name: plan.end[name] for name in END} == pytest.approx(END)
+    accelerations = [point.accelerations for point in plan.trajectory.points]
+    assert np.max(np.abs(accelerations)) <= ACCELERATION
+    assert np.abs(accelerations)[[0, -1]] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_straight_line_with_limits_of_jerk_is_straight(tmp_path: Path) -> None:
+    robot = with_jerk_limits("doosan_a0912", tmp_path)
+    start = {"joint2": 0.3, "joint3": 1.5, "joint5": 1.0}
+    X = robot.forward_kinematics(start, "link6")
+    shift = np.array([0.1, 0.2, -0.15])
+    goal = RigidTransform(X.rotation(), X.translation() + shift)
+
+    plan = ad.plan(robot, goal, start=start, world="void", straight=True)
+
+    assert max(jerks_of(plan)) <= JERK
+    for point in plan.trajectory.points:
+        positions = dict(zip(plan.trajectory.joint_names, point.positions, strict=True))
+        at = robot.forward_kinematics(positions, "link6")
+        away = at.translation() - X.translation()
+        assert np.linalg.norm(np.cross(away, shift)) / np.linalg.norm(shift) < 2e-4
+    assert away == pytest.approx(shift, abs=1e-4)
