@@ -253,6 +253,9 @@ def plan_in(
 def _pose_problem(setting: Setting, chosen: PlanOptions) -> "_Problem":
     """Return what is planned for, with the model of what can collide."""
     group = find_group(setting.robot, chosen.group)
+    links = setting.robot.description.links
+    if isinstance(chosen.frame, str) and chosen.frame not in links:
+        raise InputError(f"no link {chosen.frame!r}; {suggest(chosen.frame, links)}")
     model = collision_model(
         setting.robot,
         group.joints,

@@ -219,6 +219,7 @@ BAD = [
     ({"to": {"joint1": math.nan}}, "to: joint 'joint1': expected a finite number"),
     ({"to": "hom"}, "group 'joint_trajectory_controller' has no state 'hom'; did you"),
     ({"to": []}, "to: expected a state, joint positions, a pose or a list"),
+    ({"to": END, "frame": "lnk6"}, "no link 'lnk6'; did you mean 'link6'? known: "),
     ({"to": END, "group": "arms"}, "no planning group 'arms'; "),
     ({"to": [9.0, 0, 0, 0, 0, 0]}, "no joint positions put 'link6' there; "),
     ({"to": END, "velocity_scaling": 2.0}, "velocity_scaling: expected a number above"),
