@@ -4,7 +4,6 @@ import argparse
 import atexit
 import functools
 import gc
-import importlib.metadata
 import io
 import json
 import sys
@@ -73,14 +72,28 @@ def parse_arguments(arguments: Sequence[str] | None = None) -> argparse.Namespac
     return options
 
 
+class _Version(argparse.Action):
+    """Prints the version, which takes modules that nothing else needs at its start."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_args: Any) -> None:
+        import importlib.metadata
+
+        print(f"arm-drake {importlib.metadata.version('arm-drake')}")
+        parser.exit()
+
+
 def make_parser() -> argparse.ArgumentParser:
     """Return what parses the command line, but for xacro arguments after options."""
     parser = argparse.ArgumentParser(
         prog="arm-drake",
         description="ROS 2 robot packages in Drake: the same files, no ROS.",
     )
-    version = f"arm-drake {importlib.metadata.version('arm-drake')}"
-    parser.add_argument("--version", action="version", version=version)
+    parser.add_argument(
+        "--version",
+        action=_Version,
+        nargs=0,
+        help="show program's version number and exit",
+    )
     commands = parser.add_subparsers(metavar="COMMAND", dest="command", required=True)
     for name, command in _COMMANDS.items():
         description = command.description

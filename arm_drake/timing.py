@@ -14,7 +14,7 @@ from fractions import Fraction
 _SMALLEST_PART = Fraction(1, 10)
 
 # Part of a period by which an event may miss its time.
-_TOLERANCE = 1e-6
+TOLERANCE = 1e-6
 
 # A log of more steps than that, or of parts of steps smaller than these, needn't meet
 # ticks: it would cost precision of the steps' own times.
@@ -78,7 +78,7 @@ def _ratio(rate: float, step: float) -> Fraction | None:
     if steps > _MOST_STEPS:
         return None
     ratio = Fraction(steps).limit_denominator(_MOST_PARTS)
-    is_near = abs(float(ratio) - steps) <= _TOLERANCE * steps
+    is_near = abs(float(ratio) - steps) <= TOLERANCE * steps
     return ratio if ratio and is_near else None
 
 
@@ -91,7 +91,7 @@ def cycle_at(time: float, period: float) -> int | None:
     """
     cycles = time / period
     number = round(cycles)
-    return number if abs(cycles - number) <= _TOLERANCE else None
+    return number if abs(cycles - number) <= TOLERANCE else None
 
 
 def cycle_time(number: int, period: float, rate: int) -> int:
@@ -120,7 +120,7 @@ def cycle_times(number: int, period: float, rate: int) -> tuple[int, int]:
 @functools.cache
 def has_rate(period: float, rate: int) -> bool:
     """Return whether cycles of a period [s] come at a rate [Hz], but for rounding."""
-    return abs(rate * period - 1.0) < _TOLERANCE
+    return abs(rate * period - 1.0) < TOLERANCE
 
 
 def _round_up(value: float, bits: int) -> float:

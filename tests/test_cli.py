@@ -5,6 +5,7 @@ import math
 import os
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,13 @@ def goal_file(folder: Path, **changes: str) -> Path:
     }
     body = ", ".join(f"{k}: {v}" for k, v in (fields | changes).items())
     return motion_file(folder, f"- {{controller: {JTC}, goal: {{{body}}}}}\n")
+
+
+def test_the_version_is_that_of_the_package(run):
+    project = Path(__file__).parents[1] / "pyproject.toml"
+    version = tomllib.loads(project.read_text(encoding="utf-8"))["project"]["version"]
+
+    assert run("--version")[:2] == (0, f"arm-drake {version}\n")
 
 
 def test_list_names_robots_motions_and_worlds(run):

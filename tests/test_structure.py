@@ -229,4 +229,5 @@ def test_a_headless_run_loads_nothing_large_that_it_does_not_need() -> None:
     assert "pydrake.multibody.plant" in loaded
     assert "arm_drake.simulation.simulation" in loaded
     large = {"matplotlib", "scipy", "trimesh", "collada", "PIL", "tornado"}
+    large |= {"http.client", "ssl"}
     assert not loaded & {"pydrake.all", *large}

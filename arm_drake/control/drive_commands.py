@@ -9,7 +9,6 @@ is left to swing. Some command interfaces move nothing, but limit effort and vel
 
 import dataclasses as dc
 import math
-import operator
 from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
@@ -62,8 +61,7 @@ class DriveMode(Message):
 
     # Of each joint: where its position stands among the values, -1 if it follows none,
     # and its rate [Hz]. What is few is quicker in plain numbers than in numpy.
-    positions_at: tuple[int, ...] = dc.field(init=False)
-    rates: tuple[float, ...] = dc.field(init=False)
+    positions_at: tuple[tuple[int, float], ...] = dc.field(init=False)
 
     # Which elements of the drive vector are values, where these stand, and whether a
     # joint follows its velocity, its acceleration, its effort alone, (3 n,).
@@ -86,8 +84,8 @@ class DriveMode(Message):
         )
         alone = (self.is_velocity, self.is_acceleration, self.is_effort | self.is_idle)
         flags = tuple(np.concatenate(alone).astype(float).tolist())
-        object.__setattr__(self, "positions_at", tuple(at.tolist()))
-        object.__setattr__(self, "rates", tuple(self.rate.tolist()))
+        places = tuple(zip(at.tolist(), self.rate.tolist(), strict=True))
+        object.__setattr__(self, "positions_at", places)
         object.__setattr__(self, "others", others)
         object.__setattr__(self, "flags", flags)
 
@@ -160,10 +158,11 @@ class DriveCommands:
         self._no_limits = np.zeros(NUM_LIMITS * len(joints) if has_limits else 0)
         # Accelerations and efforts that nobody commands.
         self._still = (0.0,) * (2 * len(joints))
-        self._lows, self._highs = (
+        lows, highs = (
             np.broadcast_to(x, len(joints)).tolist()
             for x in stops or (-math.inf, math.inf)
         )
+        self._ranges = tuple(zip(lows, highs, strict=True))
 
     def initial(self, positions: Sequence[float]) -> Array:
         """Return the drive vector that holds positions."""
@@ -306,15 +305,25 @@ class DriveCommands:
         That is the drive vector where nothing is limited. `numbers` are the values,
         `lasts` the positions and `befores` the rates of the last cycle's vector.
         """
-        # Of few joints a loop in C over plain numbers takes the least time.
-        wanted = [
-            lasts[i] if at < 0 else numbers[at]
-            for i, at in enumerate(mode.positions_at)
-        ]
-        positions = list(map(min, map(max, wanted, self._lows), self._highs))
-        changes = map(operator.sub, positions, lasts)
-        rates = list(map(operator.mul, changes, mode.rates))
-        speeds = list(map(_speed, rates, befores))
+        positions, speeds, rates = [], [], []
+        # All at once: of few joints calls would take most of the time.
+        for (at, per_second), (low, high), last, before in zip(
+            mode.positions_at, self._ranges, lasts, befores, strict=True
+        ):
+            wanted = last if at < 0 else numbers[at]
+            if low > wanted:
+                wanted = low
+            if high < wanted:
+                wanted = high
+            rate = (wanted - last) * per_second
+            speed = 0.0  # That of a step.
+            if rate * before > 0.0:  # Then both have the same sign.
+                most = _GROWTH * before
+                is_step = rate > most if before > 0.0 else rate < most
+                speed = most if is_step else rate
+            positions.append(wanted)
+            speeds.append(speed)
+            rates.append(rate)
         if not self.has_modes:
             return positions + speeds, rates
         servo_input = [*positions, *speeds, *self._still, *mode.flags]
@@ -365,14 +374,6 @@ class DriveCommands:
                 rate,
             )
         )
-
-
-def _speed(rate: float, before: float) -> float:
-    """Return a rate, after the one before; 0 where it is a step."""
-    if not rate * before > 0.0:
-        return 0.0
-    most = _GROWTH * before  # Both have the same sign.
-    return rate if abs(rate) <= abs(most) else most
 
 
 def _moves_freely(mode: DriveMode) -> Mask:

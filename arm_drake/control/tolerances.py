@@ -69,6 +69,14 @@ class StateTolerances(Message):
         for name, value in derived.items():
             object.__setattr__(self, name, value)
 
+    def allows(self, errors: Iterable[float]) -> bool:
+        """Return whether errors of positions are far from too large; see `exceeds`.
+
+        Where they aren't, it has to be asked.
+        """
+        squares = [error * error for error in errors]
+        return self.is_position_only and sum(squares) <= self._safe_sum
+
 
 @dc.dataclass(frozen=True, eq=False)
 class Tolerances(Message):

@@ -379,17 +379,6 @@ class Trajectory(Message):
         start = segment - 1 if segment else 0
         return Sample(position, start, segment, None, (powers, others))
 
-    def positions(self, time_ns: int, cursor: int = 0) -> list[float]:
-        """Return the positions of `sample` alone, where it is defined."""
-        segment, tau = self._find(time_ns, cursor)
-        piece = self._segments[segment]
-        if isinstance(piece, Polynomial):
-            rows = piece.positions
-            found: list[float] = _powers(tau, len(rows)).dot(rows).tolist()
-            return found
-        assert piece is not None
-        return piece.position.tolist()
-
     def since_end(self, time_ns: int) -> float:
         """Return how long the last point is past [s].
 
@@ -431,6 +420,46 @@ class Trajectory(Message):
         """Return the last point, due at once."""
         last = self.point(len(self.times_ns) - 1)
         return dc.replace(last, time_from_start=Duration())
+
+
+class Positions:
+    """The positions of a trajectory, time after time, to the bit those of its samples.
+
+    They are sought from a cursor on, as `Trajectory.sample` does, where it is defined.
+    """
+
+    __slots__ = ("_cursor", "_stretch", "_trajectory")
+
+    def __init__(self, trajectory: Trajectory, cursor: int) -> None:
+        """Create it."""
+        self._trajectory, self._cursor = trajectory, cursor
+        # Around the last time: from when to when [ns], the coefficients of positions,
+        # rows by power, or what holds all along. It is replaced as a whole.
+        self._stretch: tuple[int, float, Array | None, list[float]] = 1, 0, None, []
+
+    def at(self, time_ns: int) -> list[float]:
+        """Return the positions at a time, n of them."""
+        begin_ns, end_ns, rows, held = self._stretch
+        if not begin_ns <= time_ns < end_ns:
+            self._stretch = self._find(time_ns)
+            begin_ns, _, rows, held = self._stretch
+        if rows is None:
+            return held
+        tau = (time_ns - begin_ns) / NANOSECONDS
+        found: list[float] = _powers(tau, len(rows)).dot(rows).tolist()
+        return found
+
+    def _find(self, time_ns: int) -> tuple[int, float, Array | None, list[float]]:
+        trajectory, times_ns = self._trajectory, self._trajectory.times_ns
+        following = bisect_right(times_ns, time_ns)
+        begin_ns = times_ns[following - 1] if following else trajectory.before_ns
+        end_ns = times_ns[following] if following < len(times_ns) else math.inf
+        segment, _ = trajectory._find(time_ns, self._cursor)
+        piece = trajectory._segments[segment]
+        assert piece is not None
+        if isinstance(piece, Polynomial):
+            return begin_ns, end_ns, piece.positions, []
+        return begin_ns, end_ns, None, piece.position.tolist()
 
 
 def _powers(tau: float, size: int) -> Array:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar
+from typing import Any, Final, Generic, NamedTuple, Protocol, Self, TypeVar
 
 from pydrake.systems.framework import Context, InputPort
 
@@ -12,6 +12,13 @@ from arm_drake.messages import Message
 S = TypeVar("S")
 S_co = TypeVar("S_co", covariant=True)
 M = TypeVar("M", bound=Message)
+R = TypeVar("R", bound=tuple[Any, ...])
+
+
+def with_field(record: R, index: int, value: object) -> R:
+    """Return a named tuple with another value in a place, sooner than `_replace`."""
+    values = (*record[:index], value, *record[index + 1 :])
+    return tuple.__new__(type(record), values)
 
 
 class Cycle(NamedTuple):
@@ -72,6 +79,10 @@ class UpdateResult(NamedTuple, Generic[S]):
 
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self
+
+
+# Where the state stands in a result.
+STATE: Final = UpdateResult._fields.index("state")
 
 
 class SteadyTicks(Protocol[S_co]):

@@ -3,11 +3,10 @@
 import dataclasses as dc
 import functools
 import importlib
-import importlib.metadata
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from arm_drake.controllers.controller_interface import (
     ControllerInterface,
@@ -15,6 +14,9 @@ from arm_drake.controllers.controller_interface import (
 )
 from arm_drake.errors import InputError
 from arm_drake.importing import without_collection
+
+if TYPE_CHECKING:
+    import importlib.metadata
 
 
 class ControllerType(NamedTuple):
@@ -219,7 +221,7 @@ ENTRY_POINTS = "arm_drake.controllers"
 class InstalledType(NamedTuple):
     """A controller type that a package offers, not imported yet."""
 
-    entry_point: importlib.metadata.EntryPoint
+    entry_point: "importlib.metadata.EntryPoint"
 
     # Who offers it, such as "package 'waves'".
     origin: str
@@ -258,8 +260,10 @@ def _folder_state(folder: str) -> tuple[str, int | None]:
 def _types_installed_in(
     _path: tuple[tuple[str, int | None], ...],
 ) -> Mapping[str, InstalledType]:
+    from importlib.metadata import entry_points  # It brings e-mail and more.
+
     found: dict[str, InstalledType] = {}
-    for entry_point in importlib.metadata.entry_points(group=ENTRY_POINTS):
+    for entry_point in entry_points(group=ENTRY_POINTS):
         package = entry_point.dist.name if entry_point.dist else entry_point.module
         origin = f"package {package!r}"
         first = found.get(entry_point.name)

@@ -77,6 +77,28 @@ def attribute(element: ET.Element, name: str) -> str:
     return (element.get(name) or "").strip()
 
 
+# What stands for characters within the quotes of an attribute.
+_ENTITIES = str.maketrans(
+    {
+        "&": "&amp;",
+        "<": "&lt;",
+        ">": "&gt;",
+        '"': "&quot;",
+        "\t": "&#9;",
+        "\n": "&#10;",
+        "\r": "&#13;",
+    }
+)
+
+
+def quote_attribute(value: str) -> str:
+    """Return the value of an attribute as it is written, in quotes.
+
+    `xml.sax.saxutils` would bring all that opens pages of the web.
+    """
+    return f'"{value.translate(_ENTITIES)}"'
+
+
 def text_of(element: ET.Element | None, tag: str = ".") -> str:
     """Return the text of an element, or of a child, without white space around it."""
     return "" if element is None else (element.findtext(tag) or "").strip()

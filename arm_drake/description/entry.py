@@ -1,6 +1,5 @@
 """Entry file of a robot's description, by its path, its folder or a name."""
 
-import importlib.metadata
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -44,6 +43,8 @@ def find_example(name: str) -> Path:
 
 def _folder() -> Path | None:
     """Return the folder of the robots, without an import: the package is data alone."""
+    import importlib.metadata  # With e-mail and more; only examples need it.
+
     try:
         distribution = importlib.metadata.distribution(_DISTRIBUTION)
     except importlib.metadata.PackageNotFoundError:

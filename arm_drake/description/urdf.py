@@ -11,9 +11,13 @@ import xml.etree.ElementTree as ET
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
-from xml.sax.saxutils import quoteattr
 
-from arm_drake.description.elements import ElementReader, parse_float, parse_xml
+from arm_drake.description.elements import (
+    ElementReader,
+    parse_float,
+    parse_xml,
+    quote_attribute,
+)
 from arm_drake.description.gazebo import (
     CONTACT,
     GazeboPlugin,
@@ -201,9 +205,10 @@ def add_frames(text: str, frames: Frames, file: Path) -> str:
             joint += "_"
         xyz, rpy = (" ".join(map(str, part)) for part in (numbers[:3], numbers[3:]))
         added += (
-            f"<link name={quoteattr(name)}/>"
-            f'<joint name={quoteattr(joint)} type="fixed">'
-            f"<parent link={quoteattr(parent)}/><child link={quoteattr(name)}/>"
+            f"<link name={quote_attribute(name)}/>"
+            f'<joint name={quote_attribute(joint)} type="fixed">'
+            f"<parent link={quote_attribute(parent)}/>"
+            f"<child link={quote_attribute(name)}/>"
             f'<origin xyz="{xyz}" rpy="{rpy}"/></joint>'
         )
         links.append(name)

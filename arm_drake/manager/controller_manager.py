@@ -51,7 +51,7 @@ from arm_drake.manager.state import CommandLimited, ManagerState
 from arm_drake.messages import NANOSECONDS, SwitchController
 from arm_drake.messages.base import append_events
 from arm_drake.python_system import PythonSystem
-from arm_drake.timing import cycle_at, cycle_time, cycle_times
+from arm_drake.timing import TOLERANCE, cycle_at, cycle_time, cycle_times, has_rate
 
 
 class Readings(NamedTuple):
@@ -301,6 +301,15 @@ def initial_values(
     return values
 
 
+def _numbers(count: int) -> Any:
+    """Return what reads and writes numbers in an array, as plain floats.
+
+    Arrays of few numbers take longer to make. (Of type Any, for typing doesn't know
+    that arrays are buffers.)
+    """
+    return struct.Struct(f"{count}d")
+
+
 # Name of the manager, and of its port on which a switch is requested.
 MANAGER = "controller_manager"
 SWITCH_PORT = "switch_controller"
@@ -423,10 +432,12 @@ class ControllerManager(PythonSystem):
     def _declare_numbers(self, state: ManagerState) -> list[DiscreteStateIndex]:
         """Declare values, servo's input, active flags, and what steady cycles write."""
         n = len(self._drive.joints)
-        # What steady cycles keep but for the motions, behind the number of the cycle.
-        self._steady_struct = struct.Struct(f"{1 + 2 * n}d")
-        self._values_struct = struct.Struct(f"{len(state.values)}d")
-        self._servo_struct = struct.Struct(f"{self._num_servo}d")
+        self._has_rate = has_rate(self.period, self._update_rate)
+        # What steady cycles keep, and all of it but for the motions.
+        self._kept_struct = _numbers(1 + 2 * n + self._num_motions)
+        self._last_struct = _numbers(1 + 2 * n)
+        self._values_struct = _numbers(len(state.values))
+        self._servo_struct = _numbers(self._num_servo)
         servo_input = self._drive.servo_input(state.drive)
         flags = [float(c.name in state.active) for c in self.controllers]
         start = (state.values, servo_input, flags, self._steady_numbers(state))
@@ -644,12 +655,14 @@ class ControllerManager(PythonSystem):
         steady = self._quiet.steady_cycles(base)
         if steady is None or self._inputs.Eval(context) is not steady.inputs:
             return None
-        last = self._steady_struct.unpack_from(numbers.data)
-        number = int(last[0]) + 1
-        if number != cycle_at(context.get_time(), self.period):
+        last = self._last_struct.unpack_from(numbers)
+        number, rate = int(last[0]) + 1, self._update_rate
+        # What `cycle_at` and `cycle_time` say, without calls.
+        if abs(context.get_time() / self.period - number) > TOLERANCE:
             return None
-        rate = self._update_rate
-        time_ns = cycle_time(number, self.period, rate)
+        time_ns = number * NANOSECONDS // rate
+        if not self._has_rate:
+            time_ns = cycle_time(number, self.period, rate)
         if time_ns >= steady.until_ns:
             return None
         if time_ns >= steady.monitor_ns:
@@ -672,15 +685,13 @@ class ControllerManager(PythonSystem):
         self, numbers: DiscreteValues, kept: Array, tick: SteadyTick
     ) -> None:
         """Write a steady cycle to the discrete state, of which `kept` is a part."""
-        # As plain numbers into the state: arrays of few numbers take longer to make.
         _, number, motions, values, servo_input, rates = tick
-        n = len(rates)
-        self._steady_struct.pack_into(kept.data, 0, number, *servo_input[:n], *rates)
-        kept[1 + 2 * n :] = motions
+        first = servo_input[: len(rates)]
+        self._kept_struct.pack_into(kept, 0, number, *first, *rates, *motions.tolist())
         view = numbers.get_mutable_value(self._drive_state)
-        self._servo_struct.pack_into(view.data, 0, *servo_input)
+        self._servo_struct.pack_into(view, 0, *servo_input)
         view = numbers.get_mutable_value(self._values)
-        self._values_struct.pack_into(view.data, 0, *values)
+        self._values_struct.pack_into(view, 0, *values)
 
     def _tick_quietly(self, context: Context, old: ManagerState) -> ManagerState | None:
         """Return what a cycle leads to in which nothing comes; None for all others.

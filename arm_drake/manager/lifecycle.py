@@ -33,10 +33,12 @@ from arm_drake.controllers.controller_interface import (
     TickingController,
 )
 from arm_drake.controllers.cycles import (
+    STATE,
     Cycle,
     HardwareValues,
     SteadyTicks,
     UpdateResult,
+    with_field,
 )
 from arm_drake.description.parameters import DISTROS
 from arm_drake.errors import ParameterError
@@ -481,6 +483,10 @@ class _SteadyController(NamedTuple):
     at: Sequence[int]
 
 
+# Where the ticks stand in the state.
+_TICKS = ManagerState._fields.index("ticks")
+
+
 class SteadyCycles:
     """Cycles from a state on in which nothing comes and nobody does anything new.
 
@@ -494,11 +500,21 @@ class SteadyCycles:
         drive: DriveCommands,
     ) -> None:
         """Create it for cycles after a state."""
-        self.base, self._drive = base, drive
-        self._controllers = tuple(controllers)
-        # The same for the tick, with a slice where the commands stand in a row.
-        self._commanding = [(c.ticks.command, _row(c.at), c.at) for c in controllers]
+        self._drive = drive
         self._values: list[float] = base.values.tolist()
+        # Where commands stand, with a slice where they stand in a row.
+        self._rows = [(_row(c.at), c.at) for c in controllers]
+        self._take(base, controllers)
+
+    def _take(
+        self, base: ManagerState, controllers: Sequence[_SteadyController]
+    ) -> None:
+        """Take the state, and how controllers tick after it."""
+        self.base, self._controllers = base, controllers
+        self._commanding = [
+            (c.ticks.command, *row)
+            for c, row in zip(controllers, self._rows, strict=True)
+        ]
         # From then on cycles take the full way [ns].
         self.until_ns = min([c.ticks.until_ns for c in controllers] or [0])
         # Somebody has to tell something then [ns].
@@ -541,10 +557,12 @@ class SteadyCycles:
                 resumed = steady.tell(time_ns, last_ns, motions)
                 if resumed is None:
                     return None
-                ticks[name] = ticks[name]._replace(state=resumed[0])
+                ticks[name] = with_field(ticks[name], STATE, resumed[0])
                 controllers[i] = _SteadyController(name, system, resumed[1], at)
-        base = self.base._replace(ticks=ticks)
-        return type(self)(base, controllers, self._drive)
+        new = object.__new__(type(self))
+        new._values, new._drive, new._rows = self._values, self._drive, self._rows
+        new._take(with_field(self.base, _TICKS, ticks), controllers)
+        return new
 
     def tick(
         self, time_ns: int, last: Sequence[float], motions: Array

@@ -3,7 +3,6 @@
 import dataclasses as dc
 import functools
 import hashlib
-import importlib.metadata
 import math
 import platform
 import weakref
@@ -352,9 +351,11 @@ def describe_provenance(
 
 @functools.cache
 def _versions() -> dict[str, str]:
+    from importlib.metadata import version  # It brings e-mail and more.
+
     return {
-        "arm_drake": importlib.metadata.version("arm-drake"),
-        "drake": importlib.metadata.version("drake"),
+        "arm_drake": version("arm-drake"),
+        "drake": version("drake"),
         "numpy": np.__version__,
         "python": platform.python_version(),
     }

@@ -221,3 +221,14 @@ def test_nothing_exceeds_tolerances_that_check_nothing():
     tolerances = StateTolerances([0.0], [0.0], [0.0])
 
     assert not exceeds(np.array([1e9]), np.array([1e9]), None, tolerances)
+
+
+@pytest.mark.parametrize("error", [0.0, 0.04, 0.0999, 0.1001, np.nan])
+def test_what_is_allowed_in_plain_numbers_never_exceeds(error):
+    zeros = np.zeros(3)
+    tolerances = StateTolerances(np.array([0.1, 0.2, 0.0]), zeros, zeros)
+    errors = np.array([error, 0.0, 0.0])
+
+    is_allowed = tolerances.allows(errors.tolist())
+    assert is_allowed == (error < 0.1)
+    assert not (is_allowed and violates(errors, None, None, tolerances).any())

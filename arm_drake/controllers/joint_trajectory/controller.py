@@ -26,6 +26,7 @@ from arm_drake.arrays import Array
 from arm_drake.control.pid import PidState
 from arm_drake.control.tolerances import StateTolerances, exceeds
 from arm_drake.control.trajectory import (
+    Positions,
     Sample,
     StateBefore,
     Trajectory,
@@ -43,16 +44,17 @@ from arm_drake.controllers.cycles import (
     UpdateResult,
 )
 from arm_drake.controllers.joint_trajectory.goals import (
+    FINE,
+    Verdict,
     commanded_before,
     conclude,
+    conclude_if_due,
     hold,
     install,
     is_executing,
     make_hold_point,
     monitor,
     receive,
-    repeat_last_point,
-    stop_motion,
     tell_feedback,
 )
 from arm_drake.controllers.joint_trajectory.parameters import (
@@ -87,24 +89,6 @@ from arm_drake.messages import (
     Time,
     TimeLike,
 )
-
-_SUCCESS_TEXT = "Goal successfully reached!"
-_PATH_TEXT = "Aborted due to path tolerance violation"
-
-
-class _Verdict(NamedTuple):
-    """How a trajectory is followed."""
-
-    is_timed_out: bool = False
-    is_off_path: bool = False
-    is_off_goal: bool = False
-
-    # Whether it is off its goal for too long, and how long its end is past [s].
-    is_late: bool = False
-    late: float = 0.0
-
-
-_FINE = _Verdict()
 
 
 class _Commands(NamedTuple):
@@ -143,7 +127,7 @@ def follow(
     if rules.wraparound is not None:
         shortest = shortest_angular_distance(measured, desired.position)
         error = np.where(rules.wraparound, shortest, error)
-    verdict = _FINE
+    verdict = FINE
     if not plan.is_holding:
         late = trajectory.since_end(clock_ns) if is_finished else None
         checks_path = is_first or not is_finished
@@ -171,9 +155,9 @@ def follow(
         *commands,
         state.scaling_factor,
     )
-    if verdict is _FINE and (state.goal is None or not is_finished):
+    if verdict is FINE and (state.goal is None or not is_finished):
         return new
-    return _conclude(rules, new, inputs, trajectory, verdict, is_finished)
+    return conclude_if_due(rules, new, inputs, trajectory, verdict, is_finished)
 
 
 def _wait(
@@ -238,13 +222,13 @@ def _judge(
     error: Array,
     checks_path: bool,
     late: float | None,
-) -> _Verdict:
+) -> Verdict:
     """Return how a trajectory is followed; `late` is None before its end."""
     if late is not None and 0.0 < plan.cmd_timeout < late:
-        return _Verdict(is_timed_out=True)
+        return Verdict(is_timed_out=True)
     tolerances = plan.tolerances
     if tolerances is None:
-        return _FINE
+        return FINE
     is_off_path = is_off_goal = is_late = False
     path, goal = tolerances.path, tolerances.goal
     if path.is_checked and checks_path:
@@ -253,8 +237,8 @@ def _judge(
         is_off_goal = _exceeds(rules, inputs, desired, error, goal)
         is_late = is_off_goal and 0.0 != tolerances.goal_time < late
     if not (is_off_path or is_off_goal):
-        return _FINE
-    return _Verdict(False, is_off_path, is_off_goal, is_late, late or 0.0)
+        return FINE
+    return Verdict(False, is_off_path, is_off_goal, is_late, late or 0.0)
 
 
 def _exceeds(
@@ -267,36 +251,6 @@ def _exceeds(
     if tolerances.is_position_only:
         return exceeds(error, None, None, tolerances)
     return exceeds(*errors_of(rules, inputs, desired, error), tolerances)
-
-
-def _conclude(
-    rules: JointTrajectoryRules,
-    state: JointTrajectoryState,
-    inputs: TickInputs,
-    trajectory: Trajectory,
-    verdict: _Verdict,
-    is_finished: bool,
-) -> JointTrajectoryState:
-    """Return the state that stops the motion or ends the goal, if it is time to."""
-    if verdict.is_timed_out or verdict.is_off_path or verdict.is_late:
-        state = stop_motion(rules, state, inputs.position, inputs.velocity)
-    goal, codes = state.goal, FollowJointTrajectoryErrorCode
-    if goal is None or goal.outcome is not None:
-        return state
-    if verdict.is_off_path:
-        code = codes.PATH_TOLERANCE_VIOLATED
-        return conclude(state, GoalStatus.ABORTED, code, _PATH_TEXT)
-    if verdict.is_late:
-        text = (
-            f"Aborted due to goal_time_tolerance exceeding by {verdict.late:f} seconds"
-        )
-        code = codes.GOAL_TOLERANCE_VIOLATED
-        return conclude(state, GoalStatus.ABORTED, code, text)
-    if is_finished and not verdict.is_off_goal:
-        code = codes.SUCCESSFUL
-        state = conclude(state, GoalStatus.SUCCEEDED, code, _SUCCESS_TEXT)
-        return repeat_last_point(rules, state, trajectory)
-    return state
 
 
 __all__ = [
@@ -419,6 +373,52 @@ class JointTrajectoryControllerSystemState(NamedTuple):
     control: JointTrajectoryState
 
 
+class _Course:
+    """What steady ticks of a trajectory have in common, whatever has been told."""
+
+    __slots__ = (
+        "ahead",
+        "ahead_ns",
+        "is_finished",
+        "path",
+        "present",
+        "present_ns",
+        "rules",
+        "sense",
+        "trajectory",
+        "until_ns",
+        "untold",
+    )
+
+    def __init__(
+        self,
+        rules: JointTrajectoryRules,
+        state: JointTrajectoryState,
+        time_ns: int,
+        sense: Callable[[int, Array], TickInputs],
+    ) -> None:
+        """Take what a tick has left at a time, and what gives the inputs of others."""
+        plan, trajectory = state.plan, state.plan.trajectory
+        assert trajectory is not None
+        self.rules, self.trajectory, self.sense = rules, trajectory, sense
+        # From the time to the place on the trajectory [ns], at present and ahead.
+        self.present_ns = state.clock_ns - time_ns
+        self.ahead_ns = self.present_ns + rules.look_ahead_ns
+        self.is_finished = _is_last(state.desired, trajectory)
+        self.until_ns = NEVER_NS
+        if not self.is_finished:
+            self.until_ns = trajectory.times_ns[-1] - self.ahead_ns
+        tolerances = plan.tolerances
+        self.path: StateTolerances | None = None
+        if not (plan.is_holding or self.is_finished or tolerances is None):
+            self.path = tolerances.path if tolerances.path.is_checked else None
+        # The positions there.
+        self.present = Positions(trajectory, state.cursor)
+        self.ahead = Positions(trajectory, state.cursor)
+        # The same ticks of a state without news.
+        self.untold: SteadyTrajectory | None = None
+
+
 class SteadyTrajectory:
     """Steady ticks of `follow`: between two points of a trajectory, or at its end.
 
@@ -433,24 +433,15 @@ class SteadyTrajectory:
         sense: Callable[[int, Array], TickInputs],
     ) -> None:
         """Take the state that a tick has left, and what gives the inputs of others."""
-        self._system, self._sense = system, sense
-        self._untold: SteadyTrajectory | None = None
-        self._rules, state = system.inbox.rules, system.control
-        self._last, trajectory = state, state.plan.trajectory
-        assert trajectory is not None
-        self._trajectory = trajectory
-        # From the time to the place on the trajectory [ns], at present and ahead.
-        self._present_ns = state.clock_ns - time_ns
-        self._ahead_ns = self._present_ns + self._rules.look_ahead_ns
-        self._is_finished = _is_last(state.desired, trajectory)
-        self.until_ns = NEVER_NS
-        if not self._is_finished:
-            self.until_ns = trajectory.times_ns[-1] - self._ahead_ns
-        self.monitor_ns = NEVER_NS if state.goal is None else state.goal.monitor_ns
-        tolerances, plan = state.plan.tolerances, state.plan
-        self._path: StateTolerances | None = None
-        if not (plan.is_holding or self._is_finished or tolerances is None):
-            self._path = tolerances.path if tolerances.path.is_checked else None
+        rules, state = system.inbox.rules, system.control
+        self._take(system, _Course(rules, state, time_ns, sense))
+
+    def _take(
+        self, system: JointTrajectoryControllerSystemState, course: "_Course"
+    ) -> None:
+        self._system, self._last, self._course = system, system.control, course
+        self.until_ns, goal = course.until_ns, system.control.goal
+        self.monitor_ns = NEVER_NS if goal is None else goal.monitor_ns
 
     @classmethod
     def can_follow(
@@ -481,22 +472,21 @@ class SteadyTrajectory:
         self, time_ns: int, last_ns: int, motions: Array
     ) -> "tuple[JointTrajectoryControllerSystemState, SteadyTrajectory] | None":
         """Return the state with the feedback that is due; None if a result is."""
-        last, goal = self._last, self._last.goal
+        last, goal, course = self._last, self._last.goal, self._course
         if goal is None or goal.outcome is not None:
             return None
-        if self._untold is None:  # News that held the state would hold all before it.
+        if course.untold is None:  # News that held the state would hold all before it.
             plan = last.plan._replace(events=())
-            self._untold = self._after(last._replace(plan=plan, goal=None))
-        look = functools.partial(self._untold._control_at, last_ns, motions)
-        new = self._after(tell_feedback(self._rules, last, time_ns, last_ns, look))
+            course.untold = self._after(last._replace(plan=plan, goal=None))
+        look = functools.partial(course.untold._control_at, last_ns, motions)
+        new = self._after(tell_feedback(course.rules, last, time_ns, last_ns, look))
         return new._system, new
 
     def _after(self, state: JointTrajectoryState) -> "SteadyTrajectory":
         """Return the ticks after a state that differs in what has been told alone."""
-        new = object.__new__(SteadyTrajectory)
-        new.__dict__.update(self.__dict__)
-        new._system, new._last = self._system._replace(control=state), state
-        new.monitor_ns = NEVER_NS if state.goal is None else state.goal.monitor_ns
+        new: SteadyTrajectory = object.__new__(SteadyTrajectory)
+        system = JointTrajectoryControllerSystemState(self._system.inbox, state)
+        new._take(system, self._course)
         return new
 
     def _control_at(self, time_ns: int, motions: Array) -> JointTrajectoryState:
@@ -504,35 +494,42 @@ class SteadyTrajectory:
 
     def command(self, time_ns: int, motions: Array) -> list[float] | None:
         """Return the values that a tick commands; None where it has to judge them."""
-        ahead_ns = time_ns + self._ahead_ns
-        if self._path is None and self._rules.is_plain:
-            return self._trajectory.positions(ahead_ns, self._last.cursor)
-        ahead = self._sample(ahead_ns)
-        inputs = self._sense(time_ns, motions)
-        desired = self._sample(time_ns + self._present_ns)
-        error, path = desired.position - inputs.position, self._path
+        course = self._course
+        path, ahead_ns = course.path, time_ns + course.ahead_ns
+        if path is None and course.rules.is_plain:
+            return course.ahead.at(ahead_ns)
+        inputs = course.sense(time_ns, motions)
+        if path is not None and course.rules.is_plain:
+            wanted = course.present.at(time_ns + course.present_ns)
+            if path.allows(map(operator.sub, wanted, inputs.position.tolist())):
+                return course.ahead.at(ahead_ns)
+        desired = self._sample(time_ns + course.present_ns)
+        error = desired.position - inputs.position
         if path is not None and exceeds(error, None, None, path):
             return None
+        ahead = self._sample(ahead_ns)
         return self._make_command(inputs, desired, ahead, error).tolist()
 
     def _sample(self, time_ns: int) -> Sample:
-        sample = self._trajectory.sample(time_ns, self._last.cursor)
+        sample = self._course.trajectory.sample(time_ns, self._last.cursor)
         assert sample is not None
         return sample
 
     def _make_command(
         self, inputs: TickInputs, desired: Sample, ahead: Sample, error: Array
     ) -> Array:
-        if self._rules.is_plain:
+        rules = self._course.rules
+        if rules.is_plain:
             return ahead.position
-        return make_command(self._rules, self._last, inputs, desired, ahead, error)[0]
+        return make_command(rules, self._last, inputs, desired, ahead, error)[0]
 
     def state(
         self, time_ns: int, motions: Array
     ) -> JointTrajectoryControllerSystemState:
         """Return the state that a tick leaves behind."""
-        last, inputs = self._last, self._sense(time_ns, motions)
-        present_ns, ahead_ns = time_ns + self._present_ns, time_ns + self._ahead_ns
+        last, course = self._last, self._course
+        inputs = course.sense(time_ns, motions)
+        present_ns, ahead_ns = time_ns + course.present_ns, time_ns + course.ahead_ns
         desired, ahead = self._sample(present_ns), self._sample(ahead_ns)
         error = desired.position - inputs.position
         values = self._make_command(inputs, desired, ahead, error)
@@ -541,7 +538,7 @@ class SteadyTrajectory:
             last.goal,
             time_ns,
             present_ns,
-            last.cursor if self._is_finished else desired.segment_start,
+            last.cursor if course.is_finished else desired.segment_start,
             inputs.position,
             inputs.velocity,
             inputs.acceleration,

@@ -19,7 +19,7 @@ import dataclasses as dc
 import functools
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -34,10 +34,12 @@ from arm_drake.control.trajectory import (
     positions_or,
     scaled,
 )
+from arm_drake.controllers.cycles import with_field
 from arm_drake.controllers.joint_trajectory.state import (
     Deceleration,
     JointTrajectoryRules,
     JointTrajectoryState,
+    Plan,
     TickInputs,
     add_events,
     find_fault,
@@ -62,7 +64,7 @@ from arm_drake.messages import (
     SpeedScalingFactor,
     TopicRejected,
 )
-from arm_drake.messages.base import append_events
+from arm_drake.messages.base import append_events, make_unchecked
 
 
 def upsample(message: JointTrajectory, frequency: float) -> JointTrajectory:
@@ -319,6 +321,11 @@ class _LateFeedback:
         )
 
 
+# Where these stand in the state, and the events in the plan.
+_PLAN, _GOAL = (JointTrajectoryState._fields.index(name) for name in ("plan", "goal"))
+_EVENTS = Plan._fields.index("events")
+
+
 def tell_feedback(
     rules: JointTrajectoryRules,
     state: JointTrajectoryState,
@@ -334,14 +341,29 @@ def tell_feedback(
     assert goal is not None
     due_ns = goal.next_monitor(now_ns, rules.monitor_period_ns)
     request, accepted_ns = goal.request, goal.accepted_ns
-    goal = ActiveGoal(request, accepted_ns, due_ns, None, goal.is_canceling)
+    goal = make_unchecked(
+        ActiveGoal,
+        request=request,
+        accepted_ns=accepted_ns,
+        monitor_ns=due_ns,
+        outcome=None,
+        is_canceling=goal.is_canceling,
+    )
+    state = with_field(state, _GOAL, goal)
     if last_ns < accepted_ns:
-        return state._replace(goal=goal)
+        return state
 
     make, plan = _LateFeedback(rules, look), state.plan
-    event = GoalEvent(request, GoalStatus.EXECUTING, feedback_source=make)
-    plan = plan._replace(events=append_events(plan.events, (event,)))
-    return state._replace(plan=plan, goal=goal)
+    event = make_unchecked(
+        GoalEvent,
+        request=request,
+        status=GoalStatus.EXECUTING,
+        result=None,
+        note="",
+        feedback_source=make,
+    )
+    plan = with_field(plan, _EVENTS, append_events(plan.events, (event,)))
+    return with_field(state, _PLAN, plan)
 
 
 def conclude(
@@ -575,3 +597,51 @@ def commanded_before(
         is_known = values is not None and bool(np.isfinite(values).all())
         fields.append(values if is_known else vector)
     return StateBefore(inputs.time_ns, *fields)
+
+
+class Verdict(NamedTuple):
+    """How a trajectory is followed."""
+
+    is_timed_out: bool = False
+    is_off_path: bool = False
+    is_off_goal: bool = False
+
+    # Whether it is off its goal for too long, and how long its end is past [s].
+    is_late: bool = False
+    late: float = 0.0
+
+
+FINE = Verdict()
+
+_SUCCESS_TEXT = "Goal successfully reached!"
+_PATH_TEXT = "Aborted due to path tolerance violation"
+
+
+def conclude_if_due(
+    rules: JointTrajectoryRules,
+    state: JointTrajectoryState,
+    inputs: TickInputs,
+    trajectory: Trajectory,
+    verdict: Verdict,
+    is_finished: bool,
+) -> JointTrajectoryState:
+    """Return the state that stops the motion or ends the goal, if it is time to."""
+    if verdict.is_timed_out or verdict.is_off_path or verdict.is_late:
+        state = stop_motion(rules, state, inputs.position, inputs.velocity)
+    goal, codes = state.goal, FollowJointTrajectoryErrorCode
+    if goal is None or goal.outcome is not None:
+        return state
+    if verdict.is_off_path:
+        code = codes.PATH_TOLERANCE_VIOLATED
+        return conclude(state, GoalStatus.ABORTED, code, _PATH_TEXT)
+    if verdict.is_late:
+        text = (
+            f"Aborted due to goal_time_tolerance exceeding by {verdict.late:f} seconds"
+        )
+        code = codes.GOAL_TOLERANCE_VIOLATED
+        return conclude(state, GoalStatus.ABORTED, code, text)
+    if is_finished and not verdict.is_off_goal:
+        code = codes.SUCCESSFUL
+        state = conclude(state, GoalStatus.SUCCEEDED, code, _SUCCESS_TEXT)
+        return repeat_last_point(rules, state, trajectory)
+    return state

@@ -8,7 +8,6 @@ import atexit
 import dataclasses as dc
 import functools
 import hashlib
-import importlib.metadata
 import importlib.util
 import io
 import itertools
@@ -198,7 +197,9 @@ def require_decomposition() -> str:
     """Return the version of the library that decomposes."""
     if importlib.util.find_spec("coacd") is None:
         raise MissingExtraError("convex decomposition of meshes", "decompose")
-    return importlib.metadata.version("coacd")
+    from importlib.metadata import version  # It brings e-mail and more.
+
+    return version("coacd")
 
 
 def split(surfaces: list[Surface]) -> list[Array]:

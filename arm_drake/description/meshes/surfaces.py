@@ -12,7 +12,6 @@ become one.
 import base64
 import dataclasses as dc
 import json
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -217,6 +216,8 @@ def require_decimation(max_faces: int) -> str:
         import fast_simplification  # type: ignore[import-untyped]  # noqa: F401
     except ImportError:
         raise MissingExtraError("decimation of meshes", "decimate") from None
+    from importlib.metadata import version  # It brings e-mail and more.
+
     return version("fast-simplification")
 
 
