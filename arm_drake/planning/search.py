@@ -1,5 +1,7 @@
 """OMPL's RRT-Connect on a CollisionModel; importing this needs the extra `planning`."""
 
+import itertools
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -12,6 +14,17 @@ from arm_drake.planning.orientation_constraint import Tilt
 # three times as slow and no shorter. A count, not a time: a plan is the same on every
 # machine.
 _TRIES = 30
+
+# How far joints go beyond both ends of a way [rad] or [m], search after search: ways
+# seldom lead far around, and in all of what joints with several turns can do most
+# samples are far from where a way is. Then everything, then all of it again, longer.
+_BEYOND = 1.0, 2.0, math.inf
+
+# Iterations of the first searches.
+_ITERATIONS = 1000
+
+# Trees grow by no longer steps [rad] or [m]: OMPL's fifth of the space would be 5 rad.
+_GROWTH = 0.8
 
 # How near to the cone of a constraint a step is brought [rad].
 _IN_CONE = 1e-4
@@ -77,47 +90,67 @@ def find_way(
     """
     util.noOutputHandler()
     util.RNG.setSeed(seed)
-    size = len(start)
-    space = base.RealVectorStateSpace(size)
-    box = base.RealVectorBounds(size)
-    for index, (low, high) in enumerate(zip(*bounds, strict=True)):
-        box.setLow(index, float(low))
-        box.setHigh(index, float(high))
-    space.setBounds(box)
-    information = _find_information(model, space, bounds, step, tilt)
-    space = information.getStateSpace()
-    information.setup()
-    problem = base.ProblemDefinition(information)
-    problem.addStartState(_state(space, start))
-    ends = base.GoalStates(information)
-    for goal in goals:
-        ends.addState(_state(space, goal))
-    problem.setGoal(ends)
-    planner = geometric.RRTConnect(information)
-    planner.setProblemDefinition(problem)
-    planner.setup()
-    planner.solve(base.PlannerTerminationCondition(is_over))
-    if not problem.hasExactSolution():
+    ends = np.array([start, *goals])
+    for search in itertools.count():
+        again, stage = divmod(search, len(_BEYOND))
+        low = np.maximum(bounds[0], ends.min(axis=0) - _BEYOND[stage])
+        high = np.minimum(bounds[1], ends.max(axis=0) + _BEYOND[stage])
+        information = _find_information(model, (low, high), step, tilt)
+        way = _search(information, ends, is_over, _ITERATIONS << again)
+        if way is not None or is_over():
+            break
+    if way is None:
         return None
-    way = problem.getSolutionPath()
     simplifier = geometric.PathSimplifier(information)
     simplifier.reduceVertices(way, _TRIES, _TRIES)
     simplifier.partialShortcutPath(way, _TRIES, _TRIES)
     simplifier.reduceVertices(way, _TRIES, _TRIES)
     if tilt is not None:
         way.interpolate()
-    return np.array([_values(state, size) for state in way.getStates()])
+    return np.array([_values(state, len(start)) for state in way.getStates()])
+
+
+def _search(
+    information: base.SpaceInformation,
+    ends: np.ndarray,
+    is_over: Callable[[], bool],
+    iterations: int,
+) -> geometric.PathGeometric | None:
+    """Return a way from the first of the ends to one of the others, or None."""
+    information.setup()
+    space = information.getStateSpace()
+    problem = base.ProblemDefinition(information)
+    problem.addStartState(_state(space, ends[0]))
+    goals = base.GoalStates(information)
+    for goal in ends[1:]:
+        goals.addState(_state(space, goal))
+    problem.setGoal(goals)
+    planner = geometric.RRTConnect(information)
+    planner.setRange(_GROWTH)
+    planner.setProblemDefinition(problem)
+    planner.setup()
+    # OMPL asks in each iteration; a count is the same on every machine.
+    count = itertools.count()
+    planner.solve(
+        base.PlannerTerminationCondition(lambda: is_over() or next(count) >= iterations)
+    )
+    return problem.getSolutionPath() if problem.hasExactSolution() else None
 
 
 def _find_information(
     model: CollisionModel,
-    space: base.StateSpace,
     bounds: tuple[np.ndarray, np.ndarray],
     step: float,
     tilt: Tilt | None,
 ) -> base.SpaceInformation:
-    """Return what says whether states and edges are allowed."""
+    """Return what says whether states and edges within bounds are allowed."""
     size = len(model.joints)
+    space = base.RealVectorStateSpace(size)
+    box = base.RealVectorBounds(size)
+    for index, (low, high) in enumerate(zip(*bounds, strict=True)):
+        box.setLow(index, float(low))
+        box.setHigh(index, float(high))
+    space.setBounds(box)
     if tilt is None:
         information = base.SpaceInformation(space)
         information.setStateValidityChecker(

@@ -351,15 +351,8 @@ def solve_by_ompl(problem: Problem, step: float) -> float:
     high = np.maximum(problem.high, ends.max(axis=0))
     util.noOutputHandler()
     util.RNG.setSeed(1)
-    space = base.RealVectorStateSpace(size)
-    box = base.RealVectorBounds(size)
-    for index in range(size):
-        box.setLow(index, float(low[index]))
-        box.setHigh(index, float(high[index]))
-    space.setBounds(box)
-    information = search._find_information(
-        problem.model, space, (low, high), step, None
-    )
+    information = search._find_information(problem.model, (low, high), step, None)
+    space = information.getStateSpace()
     information.setup()
     definition = base.ProblemDefinition(information)
     definition.addStartState(search._state(space, ends[0]))

@@ -503,6 +503,28 @@ def test_many_shapes_are_checked_in_parts(
     assert parted.count_around < whole.count_around == 13
 
 
+def test_parts_that_are_all_far_away_leave_plans_as_they_are(
+    doosan: ad.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def with_far_boxes(plant: MultibodyPlant) -> None:
+        with_a_post(plant)
+        for index in range(2):
+            place, body = RigidTransform([20.0 + index, 0, 0.5]), plant.world_body()
+            friction, name = CoulombFriction(1.0, 1.0), f"far_{index}"
+            shape = Box(0.3, 0.2, 0.1)
+            plant.RegisterCollisionGeometry(body, place, shape, name, friction)
+
+    monkeypatch.setattr("arm_drake.planning.surroundings._MOST_SHAPES", 2)
+
+    plans = [
+        ad.plan(doosan, {"joint1": 0.1}, world=world)
+        for world in (with_far_boxes, with_a_post)
+    ]
+
+    assert plans[0].trajectory == plans[1].trajectory
+    assert plans[0].clearance == pytest.approx(plans[1].clearance, abs=1e-9)
+
+
 def test_very_many_shapes_are_told_of(
     doosan: ad.Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
