@@ -1,7 +1,14 @@
-"""Types of arrays."""
+"""Types of arrays and numbers."""
+
+from numbers import Real
 
 import numpy as np
 from numpy.typing import NDArray
 
 # Numbers of any shape; docstrings say which.
 Array = NDArray[np.float64]
+
+
+def is_number(value: object) -> bool:
+    """Return whether something is a number, of Python's or numpy's, and no bool."""
+    return isinstance(value, Real) and not isinstance(value, bool | np.bool_)

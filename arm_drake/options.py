@@ -7,6 +7,7 @@ from numbers import Real
 from types import NoneType
 from typing import NamedTuple
 
+from arm_drake.arrays import is_number
 from arm_drake.errors import InputError, suggest
 
 # A smaller step of the physics is a mistake [s].
@@ -203,18 +204,14 @@ _KINDS: Mapping[object, tuple[tuple[type, ...], str]] = {
 def _check_type(name: str, kind: object, value: object) -> None:
     what = "cameras and lidars" if name == "log_images" else "controllers"
     types, expected = _KINDS.get(kind, ((tuple, list), f"names of {what}"))
-    is_number = Real in types
-    is_wrong = not isinstance(value, types) or (is_number and isinstance(value, bool))
+    is_wrong = not isinstance(value, types)
+    is_wrong |= Real in types and isinstance(value, bool)
     if types == (tuple, list) and not is_wrong:
         is_wrong = not all(isinstance(item, str) for item in value)  # type: ignore[attr-defined]
     if isinstance(value, Mapping):
-        is_wrong = not all(map(_is_number, value.values()))
+        is_wrong = not all(map(is_number, value.values()))
     if is_wrong:
         raise InputError(f"{name}: expected {expected}, got {value!r}")
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def _vector(name: str, value: tuple[float, ...]) -> tuple[float, float, float]:

@@ -83,7 +83,7 @@ def run_plan(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
         world=options.world,
         start=start,
         straight=options.straight,
-        mask=next(iter(counting), WHOLE_POSE),
+        mask=next(iter(counting - {WHOLE_POSE}), None),
         path_constraint=read_upright(options.upright),
         velocity_scaling=options.velocity_scaling,
         acceleration_scaling=options.acceleration_scaling,

@@ -390,7 +390,7 @@ class _SensorReader(ElementReader):
             max_depth=depths[1],
             distortion=distortion,
             distortion_center=center,
-            intrinsics=self._intrinsics(tag),
+            intrinsics=self._intrinsics(tag, int(size[0]), int(size[1])),
             optical_frame_id=text_of(tag, "optical_frame_id"),
             info_topic=text_of(tag, "camera_info_topic"),
             baseline=self._plugin_number(plugin, "hack_baseline", 0.0),
@@ -425,12 +425,17 @@ class _SensorReader(ElementReader):
         k1, k2, p1, p2, k3 = (
             self.value(found, name, 0.0) for name in ("k1", "k2", "p1", "p2", "k3")
         )
+        if not math.isfinite(k1 + k2 + p1 + p2 + k3):
+            got = ", ".join(map(str, (k1, k2, k3, p1, p2)))
+            self.expected("distortion", "finite numbers", got)
+            k1 = k2 = p1 = p2 = k3 = 0.0
         center = (0.5, 0.5)
         text = text_of(found, "center") if found is not None else ""
         if text:
             numbers = [self.number(word, "distortion center") for word in text.split()]
-            if len(numbers) == 2 and None not in numbers:
-                center = (float(numbers[0] or 0.0), float(numbers[1] or 0.0))
+            known = [float(n) for n in numbers if n is not None and math.isfinite(n)]
+            if len(known) == len(numbers) == 2:
+                center = (known[0], known[1])
             elif None not in numbers:
                 self.expected("distortion center", "2 numbers", text)
         if center != (0.5, 0.5) and any((k1, k2, p1, p2, k3)):
@@ -439,7 +444,9 @@ class _SensorReader(ElementReader):
             self.note("info", "unsupported", what, done)
         return (k1, k2, p1, p2, k3), center
 
-    def _intrinsics(self, tag: ET.Element) -> tuple[float, float, float, float] | None:
+    def _intrinsics(
+        self, tag: ET.Element, width: int, height: int
+    ) -> tuple[float, float, float, float] | None:
         """Return what `<lens>` says of the projection, if it does."""
         kind = text_of(tag, "lens/type")
         if kind not in ("", "gnomonical"):
@@ -450,9 +457,10 @@ class _SensorReader(ElementReader):
             return None
         names = ("fx", "fy", "cx", "cy")
         fx, fy, cx, cy = (self.value(found, name, math.nan) for name in names)
-        if not (0.0 < fx < math.inf and 0.0 < fy < math.inf and math.isfinite(cx + cy)):
+        is_inside = -0.5 < cx < width - 0.5 and -0.5 < cy < height - 0.5
+        if not (0.0 < fx < math.inf and 0.0 < fy < math.inf and is_inside):
             got = ", ".join(f"{n} {text_of(found, n) or 'nothing'}" for n in names)
-            expected = "fx and fy more than 0, and cx and cy"
+            expected = "fx and fy more than 0, and cx and cy inside the picture"
             self.expected("lens intrinsics", expected, got)
             return None
         if self.value(found, "s", 0.0):

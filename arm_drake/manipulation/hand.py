@@ -15,6 +15,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
+from arm_drake.arrays import is_number
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, quoted, suggest
 from arm_drake.manager.loaded_controllers import ControllerState
@@ -194,7 +195,7 @@ class PickOptions:
     def __post_init__(self) -> None:
         """Raise InputError for what can't be."""
         for name in ("approach", "lift", "retreat"):
-            if not is_number(getattr(self, name), above=0.0):
+            if not is_above(getattr(self, name), above=0.0):
                 value = getattr(self, name)
                 raise InputError(f"{name}: expected a distance [m], got {value!r}")
         for name in ("robot", "group", "camera"):
@@ -205,7 +206,7 @@ class PickOptions:
             raise InputError(f"tries: expected a number, got {self.tries!r}")
         if self.tries < 1:
             raise InputError(f"tries: expected at least 1, got {self.tries}")
-        if self.upright is not None and not is_number(self.upright, above=0.0):
+        if self.upright is not None and not is_above(self.upright, above=0.0):
             raise InputError(f"upright: expected an angle [rad], got {self.upright!r}")
         if self.goal is not None:
             read_goal(self.goal)
@@ -221,10 +222,9 @@ class PickOptions:
             raise InputError("seen: the camera says where the box is; leave one out")
 
 
-def is_number(value: object, *, above: float) -> bool:
+def is_above(value: Any, *, above: float) -> bool:
     """Return whether something is a finite number above another."""
-    is_one = isinstance(value, int | float) and not isinstance(value, bool)
-    return is_one and above < value < math.inf  # type: ignore[operator]
+    return is_number(value) and above < value < math.inf
 
 
 class Place(NamedTuple):

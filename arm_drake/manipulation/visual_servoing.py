@@ -23,7 +23,7 @@ from arm_drake.errors import InputError, quoted, suggest
 from arm_drake.manipulation.hand import (
     Activity,
     Runner,
-    is_number,
+    is_above,
     perform,
     read_options,
 )
@@ -88,7 +88,7 @@ class FollowOptions:
             value = getattr(self, name)
             if value is None and name in ("gain", "distance"):
                 continue
-            if not is_number(value, above=0.0):
+            if not is_above(value, above=0.0):
                 text = f"expected a number above 0, got {value!r}"
                 raise InputError(f"{name}: {text}")
 

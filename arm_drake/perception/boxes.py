@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydrake.math import RigidTransform, RotationMatrix
 
-from arm_drake.arrays import Array
+from arm_drake.arrays import Array, is_number
 from arm_drake.errors import InputError
 
 # How many planes are looked at, and the least part of all points on one.
@@ -160,9 +160,9 @@ def _check(
     up: Sequence[float] | None, noise: float, gap: float, largest: float, least: int
 ) -> _Settings:
     for name, value in (("noise", noise), ("gap", gap), ("largest", largest)):
-        if not _is_number(value) or not 0.0 < value < math.inf:
+        if not is_number(value) or not 0.0 < value < math.inf:
             raise InputError(f"{name}: expected a length [m] above 0, got {value!r}")
-    if not _is_number(least) or not least >= 10:
+    if not is_number(least) or not least >= 10:
         raise InputError(f"least: expected at least 10 points, got {least!r}")
     if up is None:
         return _Settings(None, noise, gap, largest, least)
@@ -170,10 +170,6 @@ def _check(
     if not np.linalg.norm(normal) > 0.0:
         raise InputError(f"up: expected a direction, got {up!r}")
     return _Settings(normal / np.linalg.norm(normal), noise, gap, largest, least)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _array(value: Any) -> Array:

@@ -442,7 +442,8 @@ def _plan_leg(problem: _Problem, start: np.ndarray, target: Target) -> _Leg:
                 return _Leg(path, samples, keeps)
         if at is None:
             raise PlanningError(
-                "the straight line can't be kept within the joints' limits of jerk"
+                "the straight line can't be kept within the joints' limits of jerk; a "
+                "smaller velocity_scaling may help"
             )
         part = float(samples.t[at] / samples.t[-1])
         after = samples.q[at : at + 2]

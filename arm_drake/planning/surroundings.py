@@ -103,10 +103,10 @@ def divide_shapes(
     shapes: Sequence[PlacedShape], base: np.ndarray
 ) -> list[tuple[PlacedShape, ...]]:
     """Return shapes in parts of few that are near to each other, the nearest first."""
-    if len(shapes) <= _MOST_SHAPES:
-        return [tuple(shapes)]
     endless = [each for each in shapes if isinstance(each.shape, HalfSpace)]
     finite = [each for each in shapes if not isinstance(each.shape, HalfSpace)]
+    if len(finite) <= _MOST_SHAPES:
+        return [tuple(shapes)]
     waiting, parts = [finite], []
     while waiting:
         several = waiting.pop()

@@ -145,12 +145,13 @@ def time_path(
     v = np.array([limits[name].velocity for name in joints]) * scaling[0]
     a = np.array([limits[name].acceleration for name in joints]) * scaling[1]
     jerk = np.array([limits[name].jerk for name in joints])
+    end = path[-1:]
     lengths = [float(np.max(np.abs(y - x) / v)) for x, y in itertools.pairwise(path)]
     keep = [True, *(length > 1e-9 for length in lengths)]
     path, lengths = path[keep], [length for length in lengths if length > 1e-9]
-    if not lengths:
+    if sum(lengths) < 4.0 * _SMALLEST:
         still = np.zeros((1, len(joints)))
-        return Samples(np.zeros(1), path[:1], still, still), True
+        return Samples(np.zeros(1), end, still, still), True
     curve = _round(path, lengths, rounding)
     found = _parametrize(mover, curve, v, a)
     if found is None:
@@ -197,7 +198,8 @@ def _average(samples: Samples, jerk: np.ndarray) -> Samples:
     """
     t, q, v, a = samples
     changes = np.maximum(a.max(axis=0), 0.0) - np.minimum(a.min(axis=0), 0.0)
-    window = float(np.max(changes / jerk)) / _MARGIN
+    # No shorter than between points: the quintics there would exceed accelerations.
+    window = max(float(np.max(changes / jerk)) / _MARGIN, _PERIOD)
     end = t[-1] + window
     at = np.linspace(0.0, end, max(2, math.ceil(end / _PERIOD) + 1))
     # The integral of cubics that have the positions and velocities, exactly.
@@ -291,7 +293,8 @@ def _parametrize(
     chosen = [plant.GetJointByName(name).position_start() for name in joints]
     whole = _of_all_joints(mover, curve)
     breaks = np.array(curve.get_segment_times())
-    even = np.linspace(breaks[0], breaks[-1], _GRID)
+    count = min(_GRID, 2 + int(breaks[-1] / (2.0 * _SMALLEST)))
+    even = np.linspace(breaks[0], breaks[-1], count)
     grid = np.unique(np.concatenate([breaks, even]))
     grid = grid[np.append(np.diff(grid) > _SMALLEST, True)]
     grid[0] = breaks[0]

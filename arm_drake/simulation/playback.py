@@ -98,7 +98,7 @@ class Player:
         # By robot; None is the first one.
         self._running: dict[str, _Running] = {}
         # By robot: how what it picked lies in its palm, if a camera saw it.
-        self._held: dict[str | None, RigidTransform] = {}
+        self._held: dict[str, RigidTransform] = {}
         self._steps = self._motion.timeline()
         self._next = next(self._steps, None)
 
@@ -205,7 +205,7 @@ def _perform(
     simulation: Any,
     message: Task,
     where: str,
-    held: dict[str | None, RigidTransform],
+    held: dict[str, RigidTransform],
 ) -> Iterator[float]:
     """Yield times until which to simulate [s], while a robot does something.
 
@@ -215,17 +215,22 @@ def _perform(
     from arm_drake.manipulation.visual_servoing import following
 
     options = {**message.options, "robot": message.robot}
+    robot = message.robot or next(iter(simulation.robots))
     try:
         if isinstance(message, PickThing):
             result: Any = yield from picking(simulation, message.thing, **options)
-            if result and "camera" in options:
-                held[message.robot] = result.X_PO
+            if result:
+                held.pop(robot, None)
+                if "camera" in options:
+                    held[robot] = result.X_PO
         elif isinstance(message, FollowThing):
             result = yield from following(simulation, message.thing, **options)
         else:
             assert isinstance(message, PlaceThing)
-            options["held"] = held.pop(message.robot, None)
+            options["held"] = held.get(robot)
             result = yield from placing(simulation, message.pose, **options)
+            if result:
+                held.pop(robot, None)
     except ArmDrakeError as error:
         simulation.reject_task(message, str(error), where=where)
     else:

@@ -98,6 +98,14 @@ def test_a_sensor_of_no_link_is_an_error() -> None:
          "update_rate: expected at least 0, got '-1'"),
         ("camera", _CAMERA.format("<horizontal_fov>wide</horizontal_fov>"),
          "horizontal_fov: "),
+        ("camera", _CAMERA.format("<distortion><k1>inf</k1></distortion>"),
+         "distortion: expected finite numbers, got 'inf, "),
+        ("camera", _CAMERA.format("<distortion><k1>0.1</k1><center>0.5 inf</center>"
+                                  "</distortion>"),
+         "distortion center: expected 2 numbers, got '0.5 inf'"),
+        ("camera", _CAMERA.format("<lens><intrinsics><fx>300</fx><fy>300</fy>"
+                                  "<cx>-20</cx><cy>100</cy></intrinsics></lens>"),
+         "lens intrinsics: expected fx and fy more than 0, and cx and cy inside"),
         ("depth_camera", _CAMERA.format("<depth_camera><clip><near>5</near>"
                                         "<far>4</far></clip></depth_camera>"),
          "depths from 5 to 4 m"),

@@ -323,11 +323,17 @@ def test_a_motion_places_what_a_camera_saw_as_it_was_seen(
     monkeypatch.setattr(pick_and_place, "picking", fake_picking)
     monkeypatch.setattr(pick_and_place, "placing", fake_placing)
     seen = {"pick": {"thing": "box", "camera": "eye"}}
-    place = {"place": [0.2, 0.1, 0.02]}
+    place, unseen = {"place": [0.2, 0.1, 0.02]}, {"pick": "box"}
+    simulation = watched(BOX)
 
-    watched(BOX).run(1.0, parse_motion([seen, place, {"pick": "box"}, place]))
-
+    simulation.run(1.0, parse_motion([seen, place, unseen, place]))
     assert given == [X_PO, None]
+
+    # What another pick sees or doesn't, counts; and a robot may be named or not.
+    robot = next(iter(simulation.robots))
+    named = {"place": {"pose": [0.2, 0.1, 0.02], "robot": robot}}
+    simulation.run(1.0, parse_motion([seen, unseen, place, seen, named]))
+    assert given[2:] == [None, X_PO]
 
 
 def test_a_camera_that_there_is_not_is_an_error() -> None:

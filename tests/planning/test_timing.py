@@ -1,6 +1,7 @@
 """Limits of jerk, held against derivatives of what a controller would play."""
 
 import math
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -14,15 +15,18 @@ from tests.planning.test_motion_planning import END, START, with_a_post
 JERK, ACCELERATION = 20.0, 4.0
 
 
-def with_jerk_limits(name: str, folder: Path) -> ad.Robot:
-    """Load a robot with a MoveIt config package that limits jerk."""
+def with_jerk_limits(
+    name: str, folder: Path, jerk: float = JERK, joints: Collection[str] = ()
+) -> ad.Robot:
+    """Load a robot with a MoveIt config package that limits jerk, of all or some."""
     description = ad.load_robot(name).description
     (folder / "robot.srdf").write_text(f'<robot name="{description.name}"/>')
-    row = (
-        f"{{has_acceleration_limits: true, max_acceleration: {ACCELERATION}, "
-        f"has_jerk_limits: true, max_jerk: {JERK}}}"
-    )
-    rows = [f"  {joint.name}: {row}\n" for joint in description.movable_joints]
+    row = f"has_acceleration_limits: true, max_acceleration: {ACCELERATION}"
+    limited = f", has_jerk_limits: true, max_jerk: {jerk}"
+    rows = []
+    for joint in description.movable_joints:
+        is_limited = not joints or joint.name in joints
+        rows.append(f"  {joint.name}: {{{row}{limited if is_limited else ''}}}\n")
     (folder / "joint_limits.yaml").write_text("joint_limits:\n" + "".join(rows))
     return ad.load_robot(name, srdf=[folder / "robot.srdf"])
 
@@ -89,3 +93,32 @@ def test_a_straight_line_with_limits_of_jerk_is_straight(tmp_path: Path) -> None
         away = at.translation() - X.translation()
         assert np.linalg.norm(np.cross(away, shift)) / np.linalg.norm(shift) < 2e-4
     assert away == pytest.approx(shift, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("jerk", "joints"),
+    [(1e5, ()), (7500.0, ()), (JERK, ("joint2",))],  # The last one doesn't move.
+)
+def test_limits_of_acceleration_are_kept_where_jerk_is_hardly_limited(
+    tmp_path: Path, jerk: float, joints: tuple[str, ...]
+) -> None:
+    robot = with_jerk_limits("doosan_a0912", tmp_path, jerk, joints)
+
+    plan = ad.plan(robot, {"joint1": 0.7}, world="void")
+
+    points = plan.trajectory.points
+    t = np.array([point.time_from_start.to_seconds() for point in points])
+    rows = [[p.positions, p.velocities, p.accelerations] for p in points]
+    played = BPoly.from_derivatives(t, np.array(rows)).derivative(2)
+    largest = np.abs(played(np.linspace(0.0, t[-1], 20_000))).max()
+    assert 0.9 * ACCELERATION < largest <= 1.02 * ACCELERATION
+
+
+@pytest.mark.parametrize("distance", [1e-8, 1e-6, 1e-4, 2e-4])
+def test_a_goal_next_to_the_start_is_a_plan(distance: float) -> None:
+    robot = ad.load_robot("doosan_a0912")
+
+    plan = ad.plan(robot, {"joint1": distance}, world="void")
+
+    assert plan.end["joint1"] == pytest.approx(distance, abs=1e-12)
+    assert plan.duration < 0.1
