@@ -798,3 +798,18 @@ def test_texts_are_printed_where_only_ascii_is_understood(tmp_path):
     assert done[0].stdout.startswith("gr\\xf6\\xdfe: ")
     assert "fl\\xf6te.urdf" in done[1].stderr
     assert "Traceback" not in done[0].stderr + done[1].stderr
+
+
+def test_a_goal_beyond_the_limits_is_warned_of_once(run, tmp_path):
+    point = "{positions: [45, 10, 0, 0, 0, 0], time_from_start: 0.1}"
+    motion = goal_file(tmp_path, points=f"[{point}, {point.replace('0.1', '0.2')}]")
+
+    _, _, err = run(
+        "sim", "doosan_a0912", "--headless", "--motion", motion, "--duration", "0.01"
+    )
+
+    place = f"warning: {motion}: [0].goal.points[0]"
+    assert err.splitlines()[:2] == [
+        f"{place}: joint1 45 is outside [-6.2832, 6.2832]; in degrees?",
+        f"{place}: joint2 10 is outside [-6.2832, 6.2832]; in degrees?",
+    ]

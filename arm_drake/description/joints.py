@@ -9,7 +9,7 @@ import dataclasses as dc
 import math
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from arm_drake.description.elements import ElementReader, attribute
@@ -32,6 +32,9 @@ _MOST_TURNS = 4.0 * math.pi  # [rad]
 _MOST_DEGREES = 720.0
 _LEAST_SPEED = 45.0
 _ANY_SPEED = 100.0
+
+# So far beside a limit is where it was rounded [rad] or [m].
+_BESIDE = 1e-3
 
 
 @dc.dataclass(frozen=True)
@@ -156,14 +159,34 @@ def _check_tree(joints: tuple[JointInfo, ...], file: Path) -> None:
         is_tree |= path
 
 
-def is_in_degrees(*positions: float | None) -> bool:
-    """Return whether positions of a joint are degrees, where radians are meant.
+def beyond_limits(
+    joints: Iterable[JointInfo], positions: Mapping[str, float]
+) -> Iterator[tuple[str, str]]:
+    """Yield joints whose positions aren't within their limits, and a line about each.
 
-    They are whole numbers then, and one of them is beyond two turns.
+    Positions are all of one point [rad] or [m]: where they are whole numbers and would
+    be within the limits as degrees, the line says so.
     """
-    known = [abs(position) for position in positions if position is not None]
-    is_whole = all(position == round(position) for position in known)
-    return is_whole and _MOST_TURNS < max(known, default=0.0) <= _MOST_DEGREES
+    is_whole = all(position == round(position) for position in positions.values())
+    for joint in joints:
+        lower, upper = joint.limits.lower, joint.limits.upper
+        position = positions.get(joint.name)
+        if position is None or lower is None or upper is None:
+            continue
+        if lower - _BESIDE <= position <= upper + _BESIDE:
+            continue
+        problem = f"{joint.name} {position:g} is outside [{lower:g}, {upper:g}]"
+        is_turning = joint.type == "revolute" and abs(position) > math.tau
+        if is_whole and is_turning and lower <= math.radians(position) <= upper:
+            problem += "; in degrees?"
+        yield joint.name, problem
+
+
+def _in_degrees(lower: float, upper: float) -> bool:
+    """Return whether limits are whole numbers, and one of them is beyond two turns."""
+    largest = max(abs(lower), abs(upper))
+    is_whole = lower == round(lower) and upper == round(upper)
+    return is_whole and _MOST_TURNS < largest <= _MOST_DEGREES
 
 
 def report_degrees(joints: Sequence[JointInfo], file: Path, report: LoadReport) -> None:
@@ -173,7 +196,7 @@ def report_degrees(joints: Sequence[JointInfo], file: Path, report: LoadReport) 
             continue
         lower, upper = joint.limits.lower, joint.limits.upper
         speed, found = joint.limits.velocity, []
-        if lower is not None and upper is not None and is_in_degrees(lower, upper):
+        if lower is not None and upper is not None and _in_degrees(lower, upper):
             turns = max(abs(lower), abs(upper)) / math.tau
             radians = f"{math.radians(lower):.5g} to {math.radians(upper):.5g}"
             what = f"limits {lower:g} to {upper:g} rad are {turns:.0f} turns"
