@@ -376,8 +376,13 @@ class _Shape:
         return [self.element]
 
     def _drop(self, problem: str) -> list[ET.Element]:
-        self._add("warning", "invalid", problem, "left out")
+        self._add(self._severity, "invalid", problem, "left out")
         return []
+
+    @property
+    def _severity(self) -> Severity:
+        """How grave it is if it is lost: things go through what doesn't collide."""
+        return "warning" if self.element.tag == "visual" else "error"
 
     def _add(self, severity: Severity, kind: Kind, what: str, done: str) -> None:
         where, file = self.where, self.file
@@ -398,8 +403,7 @@ class _Shape:
         try:
             path = self._find(shape.attrib["filename"])
         except PackageError as error:
-            severity: Severity = "warning" if is_visual else "error"
-            self._add(severity, "missing", error.problem, "the mesh is left out")
+            self._add(self._severity, "missing", error.problem, "the mesh is left out")
             return []
         scale = numbers(shape.get("scale", "1 1 1"), self.file, self.where)
         if len(scale) == 1:

@@ -290,7 +290,8 @@ def test_an_unusable_geometry_is_left_out(repair, shape, problem, tag):
     root, lines = repair(visual(shape, tag=tag))
 
     assert root.find(f"link/{tag}") is None
-    assert lines == [f"warning: link 'a', {tag} 0: {problem}; left out"]
+    severity = {"visual": "warning", "collision": "error"}[tag]
+    assert lines == [f"{severity}: link 'a', {tag} 0: {problem}; left out"]
 
 
 @pytest.mark.parametrize(

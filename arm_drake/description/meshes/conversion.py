@@ -495,7 +495,7 @@ class _Conversion:
                 return self._lose("invalid", f"can't be read ({reason[:100]})")
             if not outputs:
                 self._add_notes(notes)
-                return self._lose("invalid", "holds no triangles", "warning")
+                return self._lose("invalid", "holds no triangles")
             converted = keep(
                 folder, digest, kind, outputs, notes=notes, report=self.report
             )
@@ -572,11 +572,9 @@ class _Conversion:
         where, file = self.where, self.file
         self.report.add(severity, kind, what, done, where=where, file=file)
 
-    def _lose(
-        self, kind: Kind, problem: str, severity: Severity | None = None
-    ) -> _Paths:
+    def _lose(self, kind: Kind, problem: str) -> _Paths:
         is_visual = self.mode == "visual"
-        severity = severity or ("warning" if is_visual else "error")
+        severity: Severity = "warning" if is_visual else "error"
         done = "it isn't drawn" if is_visual else "nothing collides with it"
         self._add(severity, kind, f"{self._mesh} {problem}", done)
         return ()

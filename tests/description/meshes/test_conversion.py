@@ -336,7 +336,7 @@ def test_a_mesh_without_triangles_is_reported(converter, name):
     assert converter.lines == [
         f"warning: link 'a', visual 0: mesh file '{source}' holds no triangles; "
         "it isn't drawn",
-        f"warning: link 'a', collision 0: mesh file '{source}' holds no triangles; "
+        f"error: link 'a', collision 0: mesh file '{source}' holds no triangles; "
         "nothing collides with it",
     ]
 
