@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from arm_drake.description.bundled import bundled_robots
-from arm_drake.errors import DescriptionError, MissingExtraError, suggest
+from arm_drake.errors import DescriptionError, MissingExtraError, suggest, suggest_file
 
 # How an example is named: `example:ur5_robot`.
 EXAMPLE = "example:"
@@ -106,7 +106,8 @@ def find_entry(source: Source) -> tuple[Path, str | None]:
             )
         return path.absolute(), None
     if path.suffix or os.sep in str(source):
-        raise DescriptionError("no such file or folder", file=path)
+        problem = f"no such file or folder{suggest_file(path)}"
+        raise DescriptionError(problem, file=path)
     raise DescriptionError(
         f"unknown robot {str(source)!r}: neither a bundled robot nor a file or folder; "
         f"{suggest(str(source), robots)}"

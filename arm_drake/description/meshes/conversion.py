@@ -38,7 +38,7 @@ from arm_drake.description.meshes.surfaces import (
     require_decimation,
 )
 from arm_drake.description.report import Kind, LoadReport, ReportEntry, Severity
-from arm_drake.errors import MissingExtraError, OutputError
+from arm_drake.errors import MissingExtraError, OutputError, suggest_file
 
 # Names that this module writes or wrote, including what an interrupted write leaves.
 _OURS = re.compile(r"[0-9a-f]{64}(_\d+)?\.(gltf|obj|json)(\.json)?(\.\w+\.tmp)?")
@@ -487,7 +487,8 @@ class _Conversion:
         try:
             content = read_bytes(self.source)
         except FileNotFoundError:
-            return self._lose("missing", "doesn't exist")
+            hint = suggest_file(self.source)
+            return self._lose("missing", f"doesn't exist{hint}")
         except OSError as error:
             return self._lose("invalid", f"can't be read ({error.strerror})")
         files = references(self.source, content)
