@@ -363,7 +363,7 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
     [
         (
             ["nowhere/robot.urdf"],
-            "nowhere/robot.urdf: no such file or folder",
+            "nowhere/robot.urdf: no such file or folder; there is no folder 'nowhere'",
         ),
         (
             ["dosan_a0912"],

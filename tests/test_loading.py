@@ -247,7 +247,11 @@ def test_a_text_finds_its_meshes_in_the_package_paths_or_here(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("<robot", "<robot_description>:1: malformed XML: unclosed token"),
+        (
+            "<robot",
+            "<robot_description>:1: malformed XML: the file ends inside a tag; is it "
+            "complete?",
+        ),
         ("<a/>", "<robot_description>: the root element is <a>; expected <robot>"),
         (
             '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"/>',

@@ -22,6 +22,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
+from arm_drake.description.elements import explain_malformed
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import (
@@ -300,8 +301,9 @@ def _explain(
             problem = _explain_recursion(chain, answer["macros"])
             return DescriptionError(problem, file=file)
         case "xml":
-            problem = f"malformed XML: {error['reason']}"
-            return DescriptionError(problem, file=file, line=error["line"])
+            line, reason = error["line"], error["reason"]
+            problem = explain_malformed(_read(file), reason, line)
+            return DescriptionError(problem, file=file, line=line)
         case "memory":
             limit = f"{MEMORY // 2**20} MB of memory"
             problem = f"can't be expanded: xacro needs more than {limit}"

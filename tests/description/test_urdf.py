@@ -131,15 +131,26 @@ def test_a_mimic_joint_has_its_master_multiplier_and_offset():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "arm.urdf:1: malformed XML: no element found"),
+        ("", "arm.urdf:1: the file is empty"),
         (
             "<robot>\0</robot>",
-            "arm.urdf:1: malformed XML: not well-formed (invalid token)",
+            "arm.urdf:1: malformed XML: not well-formed (invalid token), inside "
+            "<robot> of line 1: '<robot>\\x00</robot>'",
         ),
-        ("<robot>\n<a>\n</robot>", "arm.urdf:3: malformed XML: mismatched tag"),
+        (
+            "<robot>\n<a>\n</robot>",
+            "arm.urdf:3: malformed XML: mismatched tag, inside <a> of line 2: "
+            "'</robot>'",
+        ),
+        (
+            '<robot>\n<link name="a">\n<visual/>\n',
+            'arm.urdf:4: malformed XML: the file ends inside <link name="a"> of '
+            "line 2; is it complete?",
+        ),
         (
             "<robot>\n<a b=/>",
-            "arm.urdf:2: malformed XML: not well-formed (invalid token)",
+            "arm.urdf:2: malformed XML: not well-formed (invalid token), inside "
+            "<robot> of line 1: '<a b=/>'",
         ),
         ("<sdf/>", "arm.urdf: the root element is <sdf>; expected <robot>"),
         (
@@ -316,7 +327,9 @@ def test_an_external_entity_is_not_read(tmp_path):
     with pytest.raises(DescriptionError) as caught:
         parse_urdf(text, FILE, PackageFinder(FILE), LoadReport())
 
-    assert str(caught.value) == "arm.urdf:2: malformed XML: undefined entity &e;"
+    assert str(caught.value).startswith(
+        "arm.urdf:2: malformed XML: undefined entity &e;: "
+    )
 
 
 def test_entities_that_multiply_end_in_an_error_at_once():

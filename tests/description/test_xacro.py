@@ -188,8 +188,11 @@ def test_find_gives_the_folder_of_a_package(expand, tmp_path):
             "<xacro:property/>",
             "{file}: xacro: RuntimeError: xacro:property: missing attribute 'name'",
         ),
-        ("<a>\n</b>", "{file}:3: malformed XML: mismatched tag"),
-        ("<other:a/>", "{file}:2: malformed XML: unbound prefix"),
+        (
+            "<a>\n</b>",
+            "{file}:3: malformed XML: mismatched tag, inside <a> of line 2: '</b>'",
+        ),
+        ("<other:a/>", "{file}:2: malformed XML: unbound prefix: '<other:a/>'"),
         (
             '<xacro:include filename="nope.xacro"/>',
             "{file}: '{folder}/nope.xacro' can't be read: No such file or directory; "
@@ -207,7 +210,8 @@ def test_find_gives_the_folder_of_a_package(expand, tmp_path):
         ),
         (
             '<xacro:include filename="broken.xacro"/>',
-            "{folder}/broken.xacro:2: malformed XML: mismatched tag",
+            "{folder}/broken.xacro:2: malformed XML: mismatched tag, inside <robot> "
+            "of line 1: '</a>'",
         ),
     ],
 )

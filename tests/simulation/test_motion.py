@@ -437,7 +437,7 @@ def test_an_error_of_a_list_in_python_has_no_file():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "expected a list of steps, got NoneType"),
+        ("", "the file is empty; expected a list of steps"),
         ("a: 1", "unknown key 'a'; known: parameters, steps"),
         ("hello", "expected a list of steps, got str"),
         (

@@ -491,6 +491,8 @@ class _Conversion:
             return self._lose("missing", f"doesn't exist{hint}")
         except OSError as error:
             return self._lose("invalid", f"can't be read ({error.strerror})")
+        if not content:
+            return self._lose("invalid", "is empty")
         files = references(self.source, content)
         sums = [hashlib.sha256(content).hexdigest(), *self._checksums(files)]
         scale = tuple(map(float, self.scale))

@@ -358,6 +358,7 @@ def test_a_missing_file_is_reported(converter):
 BAD_FILES = [
     ("a.stl", b"version https://git-lfs.github.com/spec/v1\n",
      "can't be read (a Git LFS pointer, fetch it with `git lfs pull`)"),
+    ("a.stl", b"", "is empty"),
     ("a.step", b"ISO-10303-21;",
      "has an unknown type '.step', known: .dae, .glb, .gltf, .obj, .ply, .stl"),
     ("a.dae", b"<COLLADA>", "can't be read (DaeMalformedError: XML Parsing Error: "
