@@ -382,7 +382,7 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
         ),
         (
             ["doosan_a0912", "--log", "nowhere/a.npz"],
-            "nowhere/a.npz: can't be written: No such file or directory",
+            "nowhere/a.npz: can't be written: the folder 'nowhere' doesn't exist",
         ),
         (
             ["doosan_a0912", "--log", "a.xls"],
@@ -813,3 +813,11 @@ def test_a_goal_beyond_the_limits_is_warned_of_once(run, tmp_path):
         f"{place}: joint1 45 is outside [-6.2832, 6.2832]; in degrees?",
         f"{place}: joint2 10 is outside [-6.2832, 6.2832]; in degrees?",
     ]
+
+
+def test_payloads_are_confirmed(run):
+    command = ("sim", "doosan_a0912", "--headless", "--duration", "0.01")
+
+    _, out, _ = run(*command, "--payload", "link6=2.0")
+
+    assert "payload: 2 kg on link6" in out.splitlines()

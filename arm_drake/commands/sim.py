@@ -439,6 +439,9 @@ def _prepare(
         check_motion(simulation, motion)
         for line in list_beyond_limits(simulation, motion):
             print(f"warning: {line}", file=sys.stderr)
+    for link, payload in scene.payloads.items():
+        mass = payload if isinstance(payload, float | int) else payload.mass
+        say.line(f"payload: {mass:g} kg on {link}")
     build = find_build_info(simulation.diagram)
     if build is not None and build.options.leaves_out:
         say.line(f"preset {build.options.preset}: {build.options.leaves_out}")
