@@ -316,8 +316,9 @@ _COMMANDS: Mapping[str, _Command] = {
     "list": _Command("bundled robots, worlds and motions", None, add_json, _list),
     "check": _Command(
         "load a robot and print what was not taken as written",
-        "Exits with 0 if the robot can be used, 1 if something is lost "
-        "(with --strict: if there is anything to report), 2 if it can't be loaded.",
+        "Exits with 0 if the robot can be used, 1 if the report has an error: a "
+        "controller, a sensor or a collision shape is lost (a mesh that isn't drawn "
+        "is a warning; with --strict any line counts), 2 if it can't be loaded.",
         add_robot_arguments,
         _check,
     ),

@@ -12,6 +12,9 @@ from typing import Protocol
 # So many names that exist are listed in a message.
 _MAX_NAMES = 30
 
+# So many files beside one that isn't there.
+_MAX_FILES = 5
+
 
 class Located(Protocol):
     """What stands in a file, such as a parameter."""
@@ -129,3 +132,25 @@ def suggest(name: str, known: Iterable[str]) -> str:
     if len(names) > _MAX_NAMES:
         listed += f" and {len(names) - _MAX_NAMES} more"
     return f"{hint}known: {listed}"
+
+
+def suggest_file(path: Path) -> str:
+    """Return the end of a message about a file that isn't there: "; ..." or ""."""
+    folder = path.parent
+    if not folder.is_dir():
+        nearest = next((each for each in folder.parents if each.is_dir()), folder)
+        other = nearest / path.name
+        hint = f", did you mean {str(other)!r}?" if other.is_file() else ""
+        return f"; there is no folder {str(folder)!r}{hint}"
+    try:
+        files = [each for each in folder.iterdir() if each.is_file()]
+    except OSError:
+        return ""
+    suffix = path.suffix.lower()
+    names = sorted(each.name for each in files if each.suffix.lower() == suffix)
+    stems = {Path(each).stem.lower(): each for each in names}
+    close = difflib.get_close_matches(path.stem.lower(), stems, n=1, cutoff=0.6)
+    if close:
+        return f"; did you mean {stems[close[0]]!r}?"
+    more = f" and {len(names) - _MAX_FILES} more" if len(names) > _MAX_FILES else ""
+    return f"; there are {quoted(names[:_MAX_FILES])}{more}" if names else ""

@@ -38,7 +38,7 @@ from arm_drake.description.urdf import (
     parse_urdf,
 )
 from arm_drake.description.xacro import expand_xacro, read_sources
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import DescriptionError, InputError, suggest
 from arm_drake.hardware.drives import check_model
 from arm_drake.hardware.mobile_bases import RobotBases
 from arm_drake.manager.hardware_interfaces import find_hardware_interfaces
@@ -217,14 +217,23 @@ def _read_description(
         check_text(text, xacro_args, entry)
     if arguments["frames"]:
         text = add_frames(text, arguments["frames"], entry)
-    return parse_urdf(
-        text,
-        entry,
-        packages,
-        report,
-        decompose=arguments["decompose"],
-        max_faces=arguments["max_faces"],
-    )
+    try:
+        return parse_urdf(
+            text,
+            entry,
+            packages,
+            report,
+            decompose=arguments["decompose"],
+            max_faces=arguments["max_faces"],
+        )
+    except DescriptionError as error:
+        find = find_place(lambda: read_sources(entry, packages).files)
+        found = None if error.line else find(error.where or "")
+        if found is None:
+            raise
+        raise DescriptionError(
+            error.problem, file=found[0], line=found[1], where=error.where
+        ) from None
 
 
 def _read_controllers(

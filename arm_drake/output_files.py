@@ -44,6 +44,8 @@ def writing(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         reason = error.strerror or str(error)
+        if isinstance(error, FileNotFoundError) and not path.parent.is_dir():
+            reason = f"the folder {str(path.parent)!r} doesn't exist"
         raise OutputError(f"can't be written: {reason}", file=path) from None
 
 

@@ -6,6 +6,8 @@ from typing import Any
 
 import yaml
 
+from arm_drake.errors import suggest_file
+
 # Numbers as rcl reads them, with strtol and strtod. YAML 1.1 takes 1e-3 for a string,
 # 1:30 for 90 and 2026-01-31 for a date.
 _INT = re.compile(r"[-+]?(0[0-7]*|[1-9]\d*|0x[\da-fA-F]+)$")
@@ -114,7 +116,9 @@ def read_text(path: Path, max_size: int = MAX_SIZE) -> str:
         with path.open("rb") as stream:
             content = stream.read(max_size + 1)
     except OSError as error:
-        raise YamlError(f"can't be read: {error.strerror or error}") from None
+        hint = suggest_file(path) if isinstance(error, FileNotFoundError) else ""
+        problem = f"can't be read: {error.strerror or error}{hint}"
+        raise YamlError(problem) from None
     except ValueError:
         raise YamlError("can't be read: no file has such a name") from None
     if len(content) > max_size:

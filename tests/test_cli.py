@@ -371,7 +371,7 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
     [
         (
             ["nowhere/robot.urdf"],
-            "nowhere/robot.urdf: no such file or folder",
+            "nowhere/robot.urdf: no such file or folder; there is no folder 'nowhere'",
         ),
         (
             ["dosan_a0912"],
@@ -390,7 +390,7 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
         ),
         (
             ["doosan_a0912", "--log", "nowhere/a.npz"],
-            "nowhere/a.npz: can't be written: No such file or directory",
+            "nowhere/a.npz: can't be written: the folder 'nowhere' doesn't exist",
         ),
         (
             ["doosan_a0912", "--log", "a.xls"],
@@ -806,3 +806,26 @@ def test_texts_are_printed_where_only_ascii_is_understood(tmp_path):
     assert done[0].stdout.startswith("gr\\xf6\\xdfe: ")
     assert "fl\\xf6te.urdf" in done[1].stderr
     assert "Traceback" not in done[0].stderr + done[1].stderr
+
+
+def test_a_goal_beyond_the_limits_is_warned_of_once(run, tmp_path):
+    point = "{positions: [45, 10, 0, 0, 0, 0], time_from_start: 0.1}"
+    motion = goal_file(tmp_path, points=f"[{point}, {point.replace('0.1', '0.2')}]")
+
+    _, _, err = run(
+        "sim", "doosan_a0912", "--headless", "--motion", motion, "--duration", "0.01"
+    )
+
+    place = f"warning: {motion}: [0].goal.points[0]"
+    assert err.splitlines()[:2] == [
+        f"{place}: joint1 45 is outside [-6.2832, 6.2832]; in degrees?",
+        f"{place}: joint2 10 is outside [-6.2832, 6.2832]; in degrees?",
+    ]
+
+
+def test_payloads_are_confirmed(run):
+    command = ("sim", "doosan_a0912", "--headless", "--duration", "0.01")
+
+    _, out, _ = run(*command, "--payload", "link6=2.0")
+
+    assert "payload: 2 kg on link6" in out.splitlines()

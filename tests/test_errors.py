@@ -12,6 +12,7 @@ from arm_drake.errors import (
     PackageError,
     ParameterError,
     suggest,
+    suggest_file,
 )
 
 
@@ -64,3 +65,27 @@ def test_a_missing_extra_names_its_installation():
 )
 def test_suggest_names_the_closest_and_all(name, known, message):
     assert suggest(name, known) == message
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("upper_arm.stl", "; did you mean 'Upper_Arm.stl'?"),
+        ("goal.yaml", "; did you mean 'gaol.yaml'?"),
+        ("wrist.stl", "; there are 'Upper_Arm.stl', 'base.stl'"),
+        ("a.urdf", ""),
+        (
+            "no/gaol.yaml",
+            "; there is no folder '{folder}/no', did you mean '{folder}/gaol.yaml'?",
+        ),
+        ("no/b.yaml", "; there is no folder '{folder}/no'"),
+    ],
+)
+def test_a_file_that_is_not_there_is_answered_by_its_neighbours(
+    tmp_path, name, message
+):
+    for other in ("Upper_Arm.stl", "base.stl", "gaol.yaml"):
+        (tmp_path / other).touch()
+    (tmp_path / "wrist.stl").mkdir()
+
+    assert suggest_file(tmp_path / name) == message.format(folder=tmp_path)

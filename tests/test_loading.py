@@ -207,7 +207,7 @@ def test_a_folder_without_a_robot_is_an_error(tmp_path):
             f"known: {KNOWN_ROBOTS}",
         ),
         ("nope.urdf", "nope.urdf: no such file or folder"),
-        ("nope/nope", "nope/nope: no such file or folder"),
+        ("nope/nope", "nope/nope: no such file or folder; there is no folder 'nope'"),
         (Path("nope.urdf"), "nope.urdf: no such file or folder"),
         ("n" * 5000 + ".urdf", "n" * 5000 + ".urdf: no such file or folder"),
     ],
@@ -247,7 +247,11 @@ def test_a_text_finds_its_meshes_in_the_package_paths_or_here(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("<robot", "<robot_description>:1: malformed XML: unclosed token"),
+        (
+            "<robot",
+            "<robot_description>:1: malformed XML: the file ends inside a tag; is it "
+            "complete?",
+        ),
         ("<a/>", "<robot_description>: the root element is <a>; expected <robot>"),
         (
             '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"/>',
@@ -855,3 +859,23 @@ def test_a_frame_is_where_its_link_has_it(tmp_path):
 def test_a_frame_that_can_not_be_is_refused(tmp_path, frames, message):
     with pytest.raises(ArmDrakeError, match=message):
         load(tmp_path, ARM.format(more=""), frames=frames)
+
+
+@pytest.mark.parametrize(
+    ("broken", "problem"),
+    [
+        ('type="revolut"', "type 'revolut'; expected one of"),
+        ('type="fixed"><child link="forarm"/', "child link 'forarm' doesn't exist"),
+    ],
+)
+def test_an_error_about_a_joint_has_its_line(tmp_path, broken, problem):
+    file = tmp_path / "arm.urdf"
+    joint = f'<joint name="elbow" {broken}><parent link="a"/><child link="b"/></joint>'
+    file.write_text(
+        f'<robot name="r">\n<link name="a"/><link name="b"/>\n{joint}\n</robot>'
+    )
+
+    with pytest.raises(ArmDrakeError) as caught:
+        ad.load_robot(file)
+
+    assert str(caught.value).startswith(f"{file}:3: joint 'elbow': {problem}")

@@ -41,7 +41,7 @@ from arm_drake.plant.payloads import Payload
 from arm_drake.scene import Scene, load_scene
 from arm_drake.simulation.motion import Motion, default_duration
 from arm_drake.simulation.motion_files import find_motion
-from arm_drake.simulation.playback import check_motion
+from arm_drake.simulation.playback import check_motion, list_beyond_limits
 from arm_drake.simulation.recording import find_build_info, list_failures
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.drawing import run_drawing
@@ -437,6 +437,11 @@ def _prepare(
             print(entry, file=sys.stderr)
     if motion is not None:
         check_motion(simulation, motion)
+        for line in list_beyond_limits(simulation, motion):
+            print(f"warning: {line}", file=sys.stderr)
+    for link, payload in scene.payloads.items():
+        mass = payload if isinstance(payload, float | int) else payload.mass
+        say.line(f"payload: {mass:g} kg on {link}")
     build = find_build_info(simulation.diagram)
     if build is not None and build.options.leaves_out:
         say.line(f"preset {build.options.preset}: {build.options.leaves_out}")

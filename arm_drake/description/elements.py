@@ -1,10 +1,12 @@
 """Attributes, children and texts of XML elements, with a report of what is wrong."""
 
+import contextlib
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
+from xml.parsers import expat
 
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.errors import DescriptionError
@@ -39,6 +41,9 @@ def numbers(text: str, file: Path, where: str) -> list[float]:
 # Elements are nested so deep at most; the functions that read them are recursive.
 _MAX_DEPTH = 200
 
+# So much of a line is shown.
+_MAX_SHOWN = 80
+
 _BOOLS = {"true": True, "false": False}
 
 
@@ -50,7 +55,7 @@ def parse_xml(text: str, file: Path) -> ET.Element:
         line, _ = error.position
         reason = str(error).partition(":")[0]
         raise DescriptionError(
-            f"malformed XML: {reason}", file=file, line=line
+            explain_malformed(text, reason, line), file=file, line=line
         ) from None
     depth, level = 0, [root]
     while level:
@@ -59,6 +64,38 @@ def parse_xml(text: str, file: Path) -> ET.Element:
             problem = f"elements are nested more than {_MAX_DEPTH} deep"
             raise DescriptionError(f"{problem}; no URDF needs that", file=file)
     return root
+
+
+def explain_malformed(text: str, reason: str, line: int) -> str:
+    """Return what is wrong with a text that is no XML.
+
+    Args:
+        text: What was read.
+        reason: What expat says of it.
+        line: Line where it stopped, counted from 1.
+    """
+    if not text.strip():
+        return "the file is empty"
+    parser, waiting = expat.ParserCreate(), []
+
+    def start(tag: str, attributes: Mapping[str, str]) -> None:
+        name = f' name="{attributes["name"]}"' if "name" in attributes else ""
+        waiting.append((f"<{tag}{name}>", parser.CurrentLineNumber))
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = lambda tag: waiting.pop()
+    with contextlib.suppress(expat.ExpatError):
+        parser.Parse(text, True)
+    around = f"{waiting[-1][0]} of line {waiting[-1][1]}" if waiting else "a tag"
+    if reason in ("no element found", "unclosed token", "unclosed CDATA section"):
+        return f"malformed XML: the file ends inside {around}; is it complete?"
+    if reason.startswith("limit"):  # The line is as long as what it multiplies.
+        return f"malformed XML: {reason}"
+    shown = "".join(text.split("\n")[line - 1 : line]).strip()
+    if len(shown) > _MAX_SHOWN:
+        shown = f"{shown[:_MAX_SHOWN]}..."
+    inside = f", inside {around}" if waiting else ""
+    return f"malformed XML: {reason}{inside}: {shown!r}"
 
 
 def parse_number(text: str) -> float | None:

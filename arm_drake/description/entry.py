@@ -5,7 +5,13 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from arm_drake.description.bundled import bundled_robots
-from arm_drake.errors import DescriptionError, MissingExtraError, suggest
+from arm_drake.errors import (
+    DescriptionError,
+    MissingExtraError,
+    quoted,
+    suggest,
+    suggest_file,
+)
 
 # How an example is named: `example:ur5_robot`.
 EXAMPLE = "example:"
@@ -65,6 +71,7 @@ _FOLDER_SUFFIXES = ("_description", "_descriptions", "_support")
 _MAX_FOLDERS = 5_000
 _MAX_CHARACTERS = 2**20
 _MAX_LISTED = 20
+_MAX_EXAMPLES = 3
 
 Source = str | os.PathLike[str]
 
@@ -107,10 +114,15 @@ def find_entry(source: Source) -> tuple[Path, str | None]:
             )
         return path.absolute(), None
     if path.suffix or os.sep in str(source):
-        raise DescriptionError("no such file or folder", file=path)
+        problem = f"no such file or folder{suggest_file(path)}"
+        raise DescriptionError(problem, file=path)
+    # The examples are named only to whom means one of them.
+    names = (f"{EXAMPLE}{name}" for name in example_robots())
+    like = [name for name in names if name.startswith(f"{EXAMPLE}{source}")]
+    hint = f", and as examples {quoted(like[:_MAX_EXAMPLES])}" if like else ""
     raise DescriptionError(
         f"unknown robot {str(source)!r}: neither a bundled robot nor a file or folder; "
-        f"{suggest(str(source), robots)}"
+        f"{suggest(str(source), robots)}{hint}"
     )
 
 

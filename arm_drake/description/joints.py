@@ -6,9 +6,10 @@ Newer ros2_control takes the URDF's `<mimic>`, unless the joint in the block has
 """
 
 import dataclasses as dc
+import math
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from arm_drake.description.elements import ElementReader, attribute
@@ -24,6 +25,16 @@ FREE_TYPES = ("floating", "planar")
 JOINT_TYPES = (*MOVABLE_TYPES, "fixed", *FREE_TYPES)
 
 WORLD = "world"
+
+# No revolute joint has such limits in radians; in degrees they are whole numbers. So
+# are speeds, but that 100 often stands for "any".
+_MOST_TURNS = 4.0 * math.pi  # [rad]
+_MOST_DEGREES = 720.0
+_LEAST_SPEED = 45.0
+_ANY_SPEED = 100.0
+
+# So far beside a limit is where it was rounded [rad] or [m].
+_BESIDE = 1e-3
 
 
 @dc.dataclass(frozen=True)
@@ -146,6 +157,64 @@ def _check_tree(joints: tuple[JointInfo, ...], file: Path) -> None:
             path.add(link)
             link = holders[link].parent
         is_tree |= path
+
+
+def beyond_limits(
+    joints: Iterable[JointInfo], positions: Mapping[str, float]
+) -> Iterator[tuple[str, str]]:
+    """Yield joints whose positions aren't within their limits, and a line about each.
+
+    Positions are all of one point [rad] or [m]: where they are whole numbers and would
+    be within the limits as degrees, the line says so.
+    """
+    is_whole = all(position == round(position) for position in positions.values())
+    for joint in joints:
+        lower, upper = joint.limits.lower, joint.limits.upper
+        position = positions.get(joint.name)
+        if position is None or lower is None or upper is None:
+            continue
+        if lower - _BESIDE <= position <= upper + _BESIDE:
+            continue
+        problem = f"{joint.name} {position:g} is outside [{lower:g}, {upper:g}]"
+        is_turning = joint.type == "revolute" and abs(position) > math.tau
+        if is_whole and is_turning and lower <= math.radians(position) <= upper:
+            problem += "; in degrees?"
+        yield joint.name, problem
+
+
+def _in_degrees(lower: float, upper: float) -> bool:
+    """Return whether limits are whole numbers, and one of them is beyond two turns."""
+    largest = max(abs(lower), abs(upper))
+    is_whole = lower == round(lower) and upper == round(upper)
+    return is_whole and _MOST_TURNS < largest <= _MOST_DEGREES
+
+
+def report_degrees(joints: Sequence[JointInfo], file: Path, report: LoadReport) -> None:
+    """Record limits of revolute joints that are nearly certainly in degrees."""
+    for joint in joints:
+        if joint.type != "revolute":
+            continue
+        lower, upper = joint.limits.lower, joint.limits.upper
+        speed, found = joint.limits.velocity, []
+        if lower is not None and upper is not None and _in_degrees(lower, upper):
+            turns = max(abs(lower), abs(upper)) / math.tau
+            radians = f"{math.radians(lower):.5g} to {math.radians(upper):.5g}"
+            what = f"limits {lower:g} to {upper:g} rad are {turns:.0f} turns"
+            what += " each way" if lower == -upper else ""
+            what += f"; in degrees? URDF has radians: {radians}"
+            found.append(what)
+        if (
+            speed is not None
+            and speed == round(speed)
+            and _LEAST_SPEED <= speed <= _MOST_DEGREES
+            and speed != _ANY_SPEED
+        ):
+            what = f"velocity limit {speed:g} rad/s is {speed / math.tau:.0f} turns a "
+            what += f"second; in degrees? URDF has radians: {math.radians(speed):.5g}"
+            found.append(what)
+        where, done = f"joint {joint.name!r}", "taken as written"
+        for what in found:
+            report.add("warning", "invalid", what, done, where=where, file=file)
 
 
 def drop_bad_mimics(

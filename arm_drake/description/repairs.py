@@ -10,6 +10,7 @@ kind of change is recorded once. What bodies weigh is in `inertia`.
 import collections
 import copy
 import dataclasses as dc
+import itertools
 import math
 import os
 import xml.etree.ElementTree as ET
@@ -331,17 +332,37 @@ def repair_geometry(
     max_faces: int | None = None,
 ) -> None:
     """Make every `<visual>` and `<collision>` fit for Drake, or remove it."""
+    extent = _extent(root, file)
     for link in root.iterfind("link"):
         for tag in ("visual", "collision"):
             for index, element in enumerate(link.findall(tag)):
                 where = f"link {link.get('name')!r}, {tag} {index}"
                 shape = _Shape(
-                    element, file, where, packages, report, decompose, max_faces
+                    element, file, where, packages, report, decompose, max_faces, extent
                 )
                 at = list(link).index(element)
                 link.remove(element)
                 for part in reversed(shape.repair()):
                     link.insert(at, part)
+
+
+def _extent(root: ET.Element, file: Path) -> float:
+    """Return how far from a root the farthest link is, joints between stretched [m]."""
+    steps = {}
+    for joint in root.iterfind("joint"):
+        parent, child, origin = (joint.find(t) for t in ("parent", "child", "origin"))
+        xyz = "" if origin is None else origin.get("xyz", "")
+        length = math.hypot(*numbers(xyz, file, ""))
+        if parent is not None and child is not None:
+            steps[child.get("link")] = (parent.get("link"), length)
+    distances: dict[str | None, float] = {}
+    for link in steps:
+        chain = [link]
+        while chain[-1] in steps and chain[-1] not in distances:
+            chain.append(steps[chain[-1]][0])
+        for nearer, farther in itertools.pairwise(reversed(chain)):
+            distances[farther] = distances.get(nearer, 0.0) + steps[farther][1]
+    return max(distances.values(), default=0.0)
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -355,6 +376,9 @@ class _Shape:
     report: LoadReport
     decompose: bool
     max_faces: int | None
+
+    # How far from a root the farthest link is at most [m].
+    extent: float
 
     def repair(self) -> list[ET.Element]:
         """Return what takes its place: elements that Drake takes, or none."""
@@ -376,8 +400,13 @@ class _Shape:
         return [self.element]
 
     def _drop(self, problem: str) -> list[ET.Element]:
-        self._add("warning", "invalid", problem, "left out")
+        self._add(self._severity, "invalid", problem, "left out")
         return []
+
+    @property
+    def _severity(self) -> Severity:
+        """How grave it is if it is lost: things go through what doesn't collide."""
+        return "warning" if self.element.tag == "visual" else "error"
 
     def _add(self, severity: Severity, kind: Kind, what: str, done: str) -> None:
         where, file = self.where, self.file
@@ -398,8 +427,7 @@ class _Shape:
         try:
             path = self._find(shape.attrib["filename"])
         except PackageError as error:
-            severity: Severity = "warning" if is_visual else "error"
-            self._add(severity, "missing", error.problem, "the mesh is left out")
+            self._add(self._severity, "missing", error.problem, "the mesh is left out")
             return []
         scale = numbers(shape.get("scale", "1 1 1"), self.file, self.where)
         if len(scale) == 1:
@@ -419,6 +447,7 @@ class _Shape:
             file=self.file,
             color=self._color(),
             max_faces=self.max_faces,
+            extent=self.extent,
         )
         if converted is None:
             return []

@@ -41,6 +41,7 @@ from arm_drake.description.joints import (
     drop_bad_mimics,
     find_mimics,
     links_on,
+    report_degrees,
     write_mimics,
 )
 from arm_drake.description.links import LinkInfo, read_axis, read_link, read_origin
@@ -231,6 +232,7 @@ def parse_urdf(
     links = _link_names(root, file)
     joints = tuple(_joint(element, file, report) for element in root.iterfind("joint"))
     check_structure(links, joints, file)
+    report_degrees(joints, file, report)
     joints = drop_bad_mimics(joints, file, report)
     hardware = read_hardware(root, [joint.name for joint in joints], report, file)
     joints = find_mimics(joints, hardware, report, file)

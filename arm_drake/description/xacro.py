@@ -22,9 +22,16 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
+from arm_drake.description.elements import explain_malformed
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
-from arm_drake.errors import ArmDrakeError, DescriptionError, PackageError, suggest
+from arm_drake.errors import (
+    ArmDrakeError,
+    DescriptionError,
+    PackageError,
+    suggest,
+    suggest_file,
+)
 
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _ARGUMENT = re.compile(r"<xacro:arg\s([^>]*)>")
@@ -294,8 +301,9 @@ def _explain(
             problem = _explain_recursion(chain, answer["macros"])
             return DescriptionError(problem, file=file)
         case "xml":
-            problem = f"malformed XML: {error['reason']}"
-            return DescriptionError(problem, file=file, line=error["line"])
+            line, reason = error["line"], error["reason"]
+            problem = explain_malformed(_read(file), reason, line)
+            return DescriptionError(problem, file=file, line=line)
         case "memory":
             limit = f"{MEMORY // 2**20} MB of memory"
             problem = f"can't be expanded: xacro needs more than {limit}"
@@ -310,8 +318,8 @@ def _explain(
             else:
                 name = str(packages.real(Path(error["name"])))
                 problem = f"{name!r} can't be read: {error['reason']}"
-                if error["is_missing"] and name.endswith((".yaml", ".yml")):
-                    problem += _list_siblings(Path(name))
+                if error["is_missing"]:
+                    problem += suggest_file(Path(name))
         case "argument":
             problem = _explain_argument(error["name"], path, packages)
         case _:
@@ -359,15 +367,6 @@ def _find_values(
                 files = glob.glob(f"{glob.escape(start)}*{glob.escape(match[2])}")
                 values |= {path[len(start) : -len(match[2])] for path in files}
     return sorted(values - {""})
-
-
-def _list_siblings(path: Path) -> str:
-    """Return what a message says of the files of a kind that are where one isn't."""
-    with contextlib.suppress(OSError, ValueError):
-        names = sorted(p.name for p in path.parent.iterdir() if p.suffix == path.suffix)
-        if names:
-            return f"; {suggest(path.name, names)}"
-    return ""
 
 
 def _list_missing(

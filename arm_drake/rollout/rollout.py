@@ -244,10 +244,10 @@ class Rollout:
             KeyError: If there is no such controller.
         """
         if controller not in self.references:
-            raise KeyError(
-                f"no references of {controller!r}; "
-                f"{suggest(controller, self.references)}"
-            )
+            problem = f"no references of {controller!r}"
+            if not len(self.time):
+                raise KeyError(f"{problem}; nothing has been simulated yet")
+            raise KeyError(f"{problem}; {suggest(controller, self.references)}")
         reference = self.references[controller]
         columns = [self.joint_names.index(name) for name in reference.joint_names]
         return reference.position - self.position[:, columns]

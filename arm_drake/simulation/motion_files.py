@@ -628,6 +628,8 @@ def parse_motion(
 
     A step that this version doesn't know is an error, not nothing.
     """
+    if data is None and file is not None:
+        raise MotionError("the file is empty; expected a list of steps", file=file)
     data = fill_in(data, parameters or {}, file)
     if not isinstance(data, list):
         raise MotionError(

@@ -5,8 +5,9 @@ from typing import Any, NamedTuple, Protocol
 
 from pydrake.math import RigidTransform
 
+from arm_drake.description.joints import beyond_limits
 from arm_drake.errors import ArmDrakeError, InputError, MotionError
-from arm_drake.messages import SwitchController
+from arm_drake.messages import JointTrajectory, SwitchController
 from arm_drake.plant.payloads import Payload, Payloads
 from arm_drake.simulation import clients
 from arm_drake.simulation.clients import ControllerHandle, TopicHandle
@@ -285,6 +286,32 @@ def check_motion(simulation: Runner, motion: Motion) -> None:
             raise MotionError(
                 error.problem, file=motion.file, where=step.where
             ) from None
+
+
+def list_beyond_limits(simulation: Runner, motion: Motion) -> list[str]:
+    """Return the first place where each joint is sent beyond its limits, and how far.
+
+    As upstream, controllers take such goals, and joints stop at their limits.
+    """
+    found: dict[tuple[str, str], str] = {}
+    for step in motion.steps:
+        message: Any = step.message
+        name = step.controller
+        if isinstance(message, TopicMessage):
+            name = simulation.topic(message.topic).controllers[0]
+            message = message.data
+        trajectory = getattr(message, "trajectory", message)
+        if not isinstance(trajectory, JointTrajectory):
+            continue
+        assert name is not None  # Only a switch is for nobody.
+        robot = simulation.directory.find(name)[0].robot
+        joints, order = robot.description.movable_joints, trajectory.joint_names
+        for index, point in enumerate(trajectory.points):
+            positions = dict(zip(order, point.positions, strict=False))
+            for joint, problem in beyond_limits(joints, positions):
+                place = f"{motion.place(step)}.points[{index}]"
+                found.setdefault((robot.name, joint), f"{place}: {problem}")
+    return list(found.values())
 
 
 def send_step(simulation: Runner, motion: Motion, step: MotionStep) -> None:

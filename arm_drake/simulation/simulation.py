@@ -563,6 +563,8 @@ class Simulation:
             ValueError: If the time is past, or no number.
         """
         now = self.time
+        if not hasattr(time, "__float__"):
+            raise InputError(f"expected a time to simulate up to [s], got {time!r}")
         if not time >= now or not math.isfinite(time):
             raise ValueError(f"can't go from {now} s to {time} s")
         while now < time:

@@ -11,7 +11,7 @@ from pathlib import Path
 from urllib.parse import unquote
 from xml.parsers import expat
 
-from arm_drake.description.elements import parse_float
+from arm_drake.description.elements import explain_malformed, parse_float
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.errors import InputError, PackageError
@@ -134,7 +134,8 @@ def _parse(path: Path, text: str) -> tuple[ET.Element, dict[ET.Element, int]]:
     try:
         parser.Parse(text, True)
     except expat.ExpatError as error:
-        problem = f"malformed XML: {expat.errors.messages[error.code]}"
+        reason = expat.errors.messages[error.code]
+        problem = explain_malformed(text, reason, error.lineno)
         raise InputError(problem, file=path, line=error.lineno) from None
     return builder.close(), lines
 

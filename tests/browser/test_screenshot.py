@@ -408,7 +408,9 @@ def test_a_picture_that_cannot_be_written_names_the_file(
     with pytest.raises(OutputError) as caught:
         save_screenshot(meshcat, file, size=SIZE, photographer=photographer)
 
-    assert str(caught.value) == f"{file}: can't be written: No such file or directory"
+    assert str(caught.value) == (
+        f"{file}: can't be written: the folder {str(file.parent)!r} doesn't exist"
+    )
 
 
 @dc.dataclass(frozen=True)

@@ -79,3 +79,8 @@ def test_without_the_package_the_extra_is_named(monkeypatch):
     assert str(caught.value) == (
         "example-robot-data needs `pip install 'arm-drake[robots]'`"
     )
+
+
+def test_an_example_is_proposed_to_whom_names_it_without_its_prefix():
+    with pytest.raises(DescriptionError, match=r"and as examples .*:ur5_robot'"):
+        examples.find_entry("ur5")

@@ -290,7 +290,8 @@ def test_an_unusable_geometry_is_left_out(repair, shape, problem, tag):
     root, lines = repair(visual(shape, tag=tag))
 
     assert root.find(f"link/{tag}") is None
-    assert lines == [f"warning: link 'a', {tag} 0: {problem}; left out"]
+    severity = {"visual": "warning", "collision": "error"}[tag]
+    assert lines == [f"{severity}: link 'a', {tag} 0: {problem}; left out"]
 
 
 @pytest.mark.parametrize(
@@ -432,3 +433,30 @@ def test_text_in_place_of_numbers_is_one_located_message(
         repair(body)
 
     assert str(caught.value) == f"{tmp_path / 'arm.urdf'}: {message}"
+
+
+@pytest.mark.parametrize(
+    ("length", "scale", "lines"),
+    [
+        (
+            0.67,
+            "100 100 100",
+            [
+                "warning: link 'a', visual 0: the mesh is 300 m long, the robot "
+                '0.67 m; in millimetres? scale="0.1 0.1 0.1"; drawn as written'
+            ],
+        ),
+        # As long as the robot, a large robot, and one of which no length is known.
+        (0.67, "0.3 0.3 0.3", []),
+        (20.0, "100 100 100", []),
+        (0.0, "100 100 100", []),
+    ],
+)
+def test_a_mesh_in_millimetres_is_noticed(repair, tmp_path, length, scale, lines):
+    write_tetrahedron(tmp_path / "a.stl")
+    mesh = visual(f'<mesh filename="a.stl" scale="{scale}"/>')
+    arm = hinge(f'<origin xyz="0 0 {length}"/>', type="fixed")
+    arm += hinge(parent="b", child="c", type="fixed")
+
+    for _ in range(2):  # Also where the mesh is in the cache.
+        assert repair(mesh + '<link name="b"/><link name="c"/>' + arm)[1] == lines

@@ -131,15 +131,26 @@ def test_a_mimic_joint_has_its_master_multiplier_and_offset():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "arm.urdf:1: malformed XML: no element found"),
+        ("", "arm.urdf:1: the file is empty"),
         (
             "<robot>\0</robot>",
-            "arm.urdf:1: malformed XML: not well-formed (invalid token)",
+            "arm.urdf:1: malformed XML: not well-formed (invalid token), inside "
+            "<robot> of line 1: '<robot>\\x00</robot>'",
         ),
-        ("<robot>\n<a>\n</robot>", "arm.urdf:3: malformed XML: mismatched tag"),
+        (
+            "<robot>\n<a>\n</robot>",
+            "arm.urdf:3: malformed XML: mismatched tag, inside <a> of line 2: "
+            "'</robot>'",
+        ),
+        (
+            '<robot>\n<link name="a">\n<visual/>\n',
+            'arm.urdf:4: malformed XML: the file ends inside <link name="a"> of '
+            "line 2; is it complete?",
+        ),
         (
             "<robot>\n<a b=/>",
-            "arm.urdf:2: malformed XML: not well-formed (invalid token)",
+            "arm.urdf:2: malformed XML: not well-formed (invalid token), inside "
+            "<robot> of line 1: '<a b=/>'",
         ),
         ("<sdf/>", "arm.urdf: the root element is <sdf>; expected <robot>"),
         (
@@ -316,7 +327,9 @@ def test_an_external_entity_is_not_read(tmp_path):
     with pytest.raises(DescriptionError) as caught:
         parse_urdf(text, FILE, PackageFinder(FILE), LoadReport())
 
-    assert str(caught.value) == "arm.urdf:2: malformed XML: undefined entity &e;"
+    assert str(caught.value).startswith(
+        "arm.urdf:2: malformed XML: undefined entity &e;: "
+    )
 
 
 def test_entities_that_multiply_end_in_an_error_at_once():
@@ -491,3 +504,40 @@ def test_joints_of_several_degrees_of_freedom_are_no_movable_joints(joint_type):
     assert f"the joint is {joint_type}; it moves freely, no controller moves it" in (
         reported
     )
+
+
+@pytest.mark.parametrize(
+    ("limit", "lines"),
+    [
+        (
+            'lower="-90" upper="90" velocity="180"',
+            [
+                "limits -90 to 90 rad are 14 turns each way; in degrees? URDF has "
+                "radians: -1.5708 to 1.5708",
+                "velocity limit 180 rad/s is 29 turns a second; in degrees? URDF has "
+                "radians: 3.1416",
+            ],
+        ),
+        (
+            'lower="0" upper="45"',
+            [
+                "limits 0 to 45 rad are 7 turns; in degrees? URDF has radians: "
+                "0 to 0.7854"
+            ],
+        ),
+        # Two turns, no limits, any speed, and what no degrees are.
+        ('lower="-12" upper="12" velocity="100"', []),
+        ('lower="-1e9" upper="1e9" velocity="1000"', []),
+        ('lower="-12.57" upper="12.57" velocity="62.8"', []),
+    ],
+)
+def test_limits_in_degrees_are_noticed_and_kept(limit, lines):
+    report = LoadReport()
+    text = f'<robot name="hand">{LINKS}{joint(limit=limit)}</robot>'
+
+    robot = parse_urdf(text, FILE, PackageFinder(FILE), report)
+    parse_urdf(text.replace("revolute", "prismatic"), FILE, PackageFinder(FILE), report)
+
+    found = [entry.what for entry in report if entry.where == "joint 'j'"]
+    assert found == lines
+    assert robot.joint("j").limits.upper == float(limit.split('"')[3])

@@ -40,6 +40,13 @@ def test_tracking_error_of_an_unknown_controller_names_the_known_ones():
         make_rollout().tracking_error("leg")
 
 
+def test_tracking_error_before_anything_is_simulated_says_so():
+    empty = make_rollout(time=np.zeros(0), references={})
+
+    with pytest.raises(KeyError, match="of 'arm'; nothing has been simulated yet"):
+        empty.tracking_error("arm")
+
+
 def test_npz_holds_every_array_by_name(tmp_path):
     rollout = make_rollout()
     rollout.save(tmp_path / "a.npz")
@@ -80,14 +87,15 @@ def test_csv_has_a_head_with_units_and_reads_back(tmp_path):
     ("name", "message"),
     [
         ("a.txt", "unknown type '.txt' of a log; expected one of .csv, .mcap, .npz"),
-        ("no/a.npz", "can't be written: No such file or directory"),
-        ("no/a.csv", "can't be written: No such file or directory"),
+        ("no/a.npz", "can't be written: the folder '{folder}/no' doesn't exist"),
+        ("no/a.csv", "can't be written: the folder '{folder}/no' doesn't exist"),
     ],
 )
 def test_what_cannot_be_written_is_said(tmp_path, name, message):
     with pytest.raises(OutputError) as error:
         make_rollout().save(tmp_path / name)
-    assert str(error.value) == f"{tmp_path / name}: {message}"
+    expected = message.format(folder=tmp_path)
+    assert str(error.value) == f"{tmp_path / name}: {expected}"
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ import yaml
 
 import arm_drake as ad
 from arm_drake.description.bundled import bundled_motions, bundled_robots
+from arm_drake.description.joints import JointInfo, JointLimits, beyond_limits
 from arm_drake.errors import ArmDrakeError, MotionError
 from arm_drake.messages import (
     Duration,
@@ -436,7 +437,7 @@ def test_an_error_of_a_list_in_python_has_no_file():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "expected a list of steps, got NoneType"),
+        ("", "the file is empty; expected a list of steps"),
         ("a: 1", "unknown key 'a'; known: parameters, steps"),
         ("hello", "expected a list of steps, got str"),
         (
@@ -870,3 +871,24 @@ def test_a_duration_heeds_speeds_by_topic_and_by_controller(by_topic):
     named = parse_motion([speed, {"at": 0.2, "topic": topic, "trajectory": trajectory}])
 
     assert by_name.duration == named.duration == pytest.approx(2.2)
+
+
+def test_positions_beyond_the_limits_are_listed_once_with_their_place():
+    limits = JointLimits(lower=-3.14, upper=3.14)
+    joints = [JointInfo(name, "revolute", "a", "b", limits) for name in ("pan", "lift")]
+    joints.append(JointInfo("slide", "prismatic", "a", "b", limits))
+    joints.append(JointInfo("spin", "continuous", "a", "b"))
+
+    def problems(**positions):
+        return [line for _, line in beyond_limits(joints, positions)]
+
+    outside = "is outside [-3.14, 3.14]"
+    assert problems(pan=3.1405, lift=-3.1405, spin=45.0, other=45.0) == []
+    assert problems(pan=45.0, lift=0.0) == [f"pan 45 {outside}; in degrees?"]
+    assert problems(pan=45.0, slide=45.0)[1:] == [f"slide 45 {outside}"]
+    # No degrees: not whole, or still beyond the limits.
+    assert problems(pan=45.5, lift=30.0) == [
+        f"pan 45.5 {outside}",
+        f"lift 30 {outside}",
+    ]
+    assert problems(pan=360.0) == [f"pan 360 {outside}"]

@@ -218,6 +218,8 @@ def test_time_does_not_go_back(sim):
     sim.advance_to(0.2)
     with pytest.raises(ValueError, match=r"can't go from 0\.2 s to 0\.1 s"):
         sim.advance_to(0.1)
+    with pytest.raises(ValueError, match=r"up to \[s\], got '2'"):
+        sim.advance_to("2")
 
 
 def test_a_diagram_without_a_robot_is_refused():

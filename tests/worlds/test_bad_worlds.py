@@ -55,8 +55,12 @@ def test_a_malformed_number_is_refused(
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        (b"", ":1: malformed XML: no element found"),
-        (b"<sdf version='1.6'>\n<world></sdf>", ":2: malformed XML: mismatched tag"),
+        (b"", ":1: the file is empty"),
+        (
+            b"<sdf version='1.6'>\n<world></sdf>",
+            ":2: malformed XML: mismatched tag, inside <world> of line 2: "
+            "'<world></sdf>'",
+        ),
         (b"<robot/>", ":1: expected <sdf> at the top, got <robot>"),
         (
             b"<sdf version='99999999999'><world/></sdf>",
@@ -114,7 +118,7 @@ def test_a_file_that_is_too_large_is_refused(
 @pytest.mark.parametrize(
     ("content", "problem"),
     [
-        ("<model", "malformed XML: unclosed token"),
+        ("<model", "malformed XML: the file ends inside a tag"),
         (
             model("m", _PLANE.format("<pose>1</pose>", "")),
             "<pose>: expected x y z roll",

@@ -37,7 +37,7 @@ from arm_drake.description.meshes.surfaces import (
     require_decimation,
 )
 from arm_drake.description.report import Kind, LoadReport, ReportEntry, Severity
-from arm_drake.errors import MissingExtraError, OutputError
+from arm_drake.errors import MissingExtraError, OutputError, suggest_file
 
 # Names that this module writes or wrote, including what an interrupted write leaves.
 _OURS = re.compile(r"[0-9a-f]{64}(_\d+)?\.(gltf|obj|json)(\.json)?(\.\w+\.tmp)?")
@@ -52,6 +52,9 @@ class ConvertedMesh:
 
     # Without place and file, which belong to whoever asks.
     notes: tuple[ReportEntry, ...] = ()
+
+    # Longest side of what is drawn [m]; 0 of a body that collides.
+    size: float = 0.0
 
 
 def cache_directory() -> Path:
@@ -79,7 +82,7 @@ def find(folder: Path, key: str, suffix: str) -> ConvertedMesh | None:
             sums = [hashlib.sha256(path.read_bytes()).hexdigest() for path in paths]
             if sums and sums == record["sha256"]:
                 notes = tuple(ReportEntry(**note) for note in record["notes"])
-                return ConvertedMesh(paths, notes)
+                return ConvertedMesh(paths, notes, float(record.get("size", 0.0)))
         except (OSError, ValueError, KeyError, TypeError, RecursionError):
             continue
     return None
@@ -93,6 +96,7 @@ def keep(
     *,
     notes: list[ReportEntry],
     report: LoadReport,
+    size: float = 0.0,
 ) -> ConvertedMesh:
     """Write the files of a mesh so that no reader ever sees half of them.
 
@@ -101,6 +105,7 @@ def keep(
     record = {
         "sha256": [hashlib.sha256(content).hexdigest() for content in contents],
         "notes": [dc.asdict(note) for note in notes],
+        "size": size,
     }
     try:
         paths = _write(folder, key, suffix, contents, record)
@@ -113,7 +118,7 @@ def keep(
         except OSError as error:
             what = f"no converted mesh can be written ({error.strerror})"
             raise OutputError(what, file=_substitute(folder)) from error
-    return ConvertedMesh(paths, tuple(notes))
+    return ConvertedMesh(paths, tuple(notes), size)
 
 
 def _paths(folder: Path, key: str, suffix: str, count: int) -> tuple[Path, ...]:
@@ -383,6 +388,11 @@ MESH_SUFFIXES = (".dae", ".glb", ".gltf", ".obj", ".ply", ".stl")
 # Browsers draw a few million triangles of all robots together.
 MANY_TRIANGLES = 200_000
 
+# A mesh that is longer than so many robots is in millimetres; a robot has at least this
+# extent [m].
+_TOO_LARGE = 50.0
+_LEAST_EXTENT = 0.2
+
 Scale = tuple[float, float, float]
 Mode = Literal["visual", "hull", "parts", "pieces", "surface"]
 _Paths = tuple[Path, ...]
@@ -403,13 +413,17 @@ def convert_visual(
     cache_dir: Path | None = None,
     color: Color | None = None,
     max_faces: int | None = None,
+    extent: float | None = None,
 ) -> Path | None:
-    """Return a glTF file that Drake draws with scale 1, or None and a report line."""
+    """Return a glTF file that Drake draws with scale 1, or None and a report line.
+
+    With the ``extent`` [m] of its robot, a mesh that must be in millimetres is told.
+    """
     settings: tuple[object, ...] = (color,)
     if max_faces is not None:
         settings = (color, max_faces, require_decimation(max_faces))
     conversion = _Conversion(
-        "visual", source, scale, report, where, file, color, max_faces
+        "visual", source, scale, report, where, file, color, max_faces, extent
     )
     paths = conversion.run(cache_dir, settings)
     return paths[0] if paths else None
@@ -460,6 +474,7 @@ class _Conversion:
     file: Path | None
     color: Color | None = None
     max_faces: int | None = None
+    extent: float | None = None
 
     def run(self, cache_dir: Path | None, settings: tuple[object, ...]) -> _Paths:
         """Return the converted files, from the cache if it has them."""
@@ -473,9 +488,12 @@ class _Conversion:
         try:
             content = read_bytes(self.source)
         except FileNotFoundError:
-            return self._lose("missing", "doesn't exist")
+            hint = suggest_file(self.source)
+            return self._lose("missing", f"doesn't exist{hint}")
         except OSError as error:
             return self._lose("invalid", f"can't be read ({error.strerror})")
+        if not content:
+            return self._lose("invalid", "is empty")
         files = references(self.source, content)
         sums = [hashlib.sha256(content).hexdigest(), *self._checksums(files)]
         scale = tuple(map(float, self.scale))
@@ -488,7 +506,7 @@ class _Conversion:
             notes: list[ReportEntry] = []
             try:
                 with np.errstate(all="ignore"):
-                    outputs = self._outputs(content, files, notes)
+                    outputs, size = self._outputs(content, files, notes)
             # The parsers of other projects answer a bad file with any exception.
             except Exception as error:
                 reason = " ".join(str(error).split()) or type(error).__name__
@@ -496,11 +514,18 @@ class _Conversion:
                 return self._lose("invalid", f"can't be read ({reason[:100]})")
             if not outputs:
                 self._add_notes(notes)
-                return self._lose("invalid", "holds no triangles", "warning")
+                return self._lose("invalid", "holds no triangles")
             converted = keep(
-                folder, digest, kind, outputs, notes=notes, report=self.report
+                folder,
+                digest,
+                kind,
+                outputs,
+                notes=notes,
+                report=self.report,
+                size=size,
             )
         self._add_notes(converted.notes)
+        self._check_size(converted.size)
         return converted.paths
 
     def _checksums(self, files: dict[str, Path | None]) -> list[str]:
@@ -523,8 +548,11 @@ class _Conversion:
 
     def _outputs(
         self, content: bytes, files: dict[str, Path | None], notes: list[ReportEntry]
-    ) -> list[bytes]:
-        """Return the files for Drake, none if there are no triangles."""
+    ) -> tuple[list[bytes], float]:
+        """Return the files for Drake, none if there are no triangles, and their size.
+
+        The size is the longest side of what is drawn [m].
+        """
         surfaces = read_surfaces(self.source, content, self.scale, notes)
         if self.mode == "visual":
             images = [p for p in files.values() if p and p.suffix.lower() in _IMAGES]
@@ -540,10 +568,14 @@ class _Conversion:
                 done = f"drawn; more than {MANY_TRIANGLES} make a browser slow"
                 notes.append(ReportEntry("info", "unsupported", what, done))
             color = self.color or _DEFAULT_COLOR
-            return [encode_gltf(surfaces, color)] if surfaces else []
+            if not surfaces:
+                return [], 0.0
+            points = np.concatenate([surface.vertices for surface in surfaces])
+            size = float(np.ptp(points, axis=0).max())
+            return [encode_gltf(surfaces, color)], size
         if self.mode == "surface":
-            return [encode_surface(surfaces)] if surfaces else []
-        return [encode_hull(body) for body in self._bodies(surfaces, notes)]
+            return ([encode_surface(surfaces)] if surfaces else []), 0.0
+        return [encode_hull(body) for body in self._bodies(surfaces, notes)], 0.0
 
     def _bodies(self, surfaces: list[Surface], notes: list[ReportEntry]) -> list[Array]:
         """Return the points of each convex body, none if there are no triangles."""
@@ -564,6 +596,15 @@ class _Conversion:
             return split(surfaces)
         return [points] if len(points) else []
 
+    def _check_size(self, size: float) -> None:
+        """Say if a mesh is so much larger than its robot that its unit is wrong."""
+        if not self.extent or size < _TOO_LARGE * max(self.extent, _LEAST_EXTENT):
+            return
+        scale = " ".join(f"{1e-3 * number:g}" for number in self.scale)
+        robot = f"the robot {self.extent:.2g} m"
+        what = f"the mesh is {size:.3g} m long, {robot}; in millimetres?"
+        self._add("warning", "invalid", f'{what} scale="{scale}"', "drawn as written")
+
     def _add_notes(self, notes: Iterable[ReportEntry]) -> None:
         for note in notes:
             what = f"{self._mesh}: {note.what}"
@@ -573,11 +614,9 @@ class _Conversion:
         where, file = self.where, self.file
         self.report.add(severity, kind, what, done, where=where, file=file)
 
-    def _lose(
-        self, kind: Kind, problem: str, severity: Severity | None = None
-    ) -> _Paths:
+    def _lose(self, kind: Kind, problem: str) -> _Paths:
         is_visual = self.mode == "visual"
-        severity = severity or ("warning" if is_visual else "error")
+        severity: Severity = "warning" if is_visual else "error"
         done = "it isn't drawn" if is_visual else "nothing collides with it"
         self._add(severity, kind, f"{self._mesh} {problem}", done)
         return ()

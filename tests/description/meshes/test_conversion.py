@@ -336,7 +336,7 @@ def test_a_mesh_without_triangles_is_reported(converter, name):
     assert converter.lines == [
         f"warning: link 'a', visual 0: mesh file '{source}' holds no triangles; "
         "it isn't drawn",
-        f"warning: link 'a', collision 0: mesh file '{source}' holds no triangles; "
+        f"error: link 'a', collision 0: mesh file '{source}' holds no triangles; "
         "nothing collides with it",
     ]
 
@@ -358,6 +358,7 @@ def test_a_missing_file_is_reported(converter):
 BAD_FILES = [
     ("a.stl", b"version https://git-lfs.github.com/spec/v1\n",
      "can't be read (a Git LFS pointer, fetch it with `git lfs pull`)"),
+    ("a.stl", b"", "is empty"),
     ("a.step", b"ISO-10303-21;",
      "has an unknown type '.step', known: .dae, .glb, .gltf, .obj, .ply, .stl"),
     ("a.dae", b"<COLLADA>", "can't be read (DaeMalformedError: XML Parsing Error: "
