@@ -331,7 +331,8 @@ print(report)
 def as_nobody():
     """Return a function: entry, package -> what a user without rights is told."""
     # The folder of pytest is for its own user.
-    folder = Path(tempfile.mkdtemp())
+    where = os.environ.get("TMPDIR", "/tmp")  # noqa: S108  pytest's is below it.
+    folder = Path(tempfile.mkdtemp(dir=where))
     folder.chmod(0o755)
 
     def run(entry: Path, name: str) -> list[str]:
