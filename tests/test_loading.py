@@ -188,8 +188,7 @@ def test_a_folder_with_two_robots_names_them(package):
 
 def test_a_folder_without_a_robot_is_an_error(tmp_path):
     assert problem(tmp_path) == (
-        f"{tmp_path}: expected one robot description in the folder, got 0; "
-        "name the file: none found"
+        f"{tmp_path}: no robot description (.urdf, .xacro) in the folder"
     )
 
 

@@ -375,7 +375,7 @@ def _find_values(
         for match in re.finditer(rf"{one}\s+(?:not\s+)?in\s*[\[(](.*?)[\])]", text):
             values.update(re.findall(r"['\"](.*?)['\"]", match[1]))
     for file, text in texts.items():
-        for match in re.finditer(rf"\"([^\"]*){argument}([^\"/$]*\.\w+)\"", text):
+        for match in re.finditer(rf"\"([^\"]*){argument}([^\"$]*\.\w+)\"", text):
             start = _FIND.sub(lambda m: str(_folder(m[1], packages) or m[0]), match[1])
             if "$" not in start:
                 start = os.path.join(file.parent, start)

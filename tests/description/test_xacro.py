@@ -117,12 +117,15 @@ def test_an_argument_doesnt_leak_after_an_error(expand):
         ('<xacro:m file="$(find arm)/of_$(arg side).yaml"/>', "left, right"),
         ('<xacro:m file="$(find nothing)/of_$(arg side).yaml"/>', ""),
         ('<xacro:include filename="of_$(arg side).yaml"/>', "left, right"),
+        ('<xacro:include filename="of_$(arg side)/a/arm.xacro"/>', "up"),
     ],
 )
 def test_values_that_files_know_of_an_argument_are_told(expand, tmp_path, body, known):
     (tmp_path / "package.xml").write_text("<name>arm</name>", encoding="utf-8")
     for name in ("of_left.yaml", "of_right.yaml", "of_none.txt", "right.yaml"):
         (tmp_path / name).write_text("{}", encoding="utf-8")
+    (tmp_path / "of_up/a").mkdir(parents=True)
+    (tmp_path / "of_up/a/arm.xacro").write_text(robot(""), encoding="utf-8")
 
     with pytest.raises(DescriptionError) as caught:
         expand(f'<link name="$(arg side)"/>{body}')
