@@ -100,6 +100,7 @@ const prepare = (viewer) => {
     prepared.set(viewer, watch_loading(viewer));
     follow_links(viewer);
     follow_scheme(viewer);
+    fit_width(viewer);
 };
 
 // What takes longer is told, but not for ever: a mesh that can't be drawn never comes [ms].
@@ -114,7 +115,7 @@ const tell_loading = (viewer) => {
 
 setInterval(() => {
     const {viewer} = at("scene").contentWindow;
-    if (viewer) keep_above_ground(viewer), prepare(viewer);
+    if (viewer) keep_above_ground(viewer), fit_width(viewer), prepare(viewer);
     tell_loading(viewer);
 }, 250);
 

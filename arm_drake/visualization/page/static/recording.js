@@ -25,7 +25,8 @@ const recording = (() => {
         set: (made) => {
             viewer = made;
             waiting = watch_loading(viewer);
-            follow_scheme(viewer);
+            // Once the page has set what it has by default.
+            queueMicrotask(() => follow_scheme(viewer));
             beside(viewer, "handle_command_bytearray", nothing, () => { --commands, note(); });
             beside(viewer, "set_object", nothing, note);
             // Its own clock stands: what is seen is what the bar says.
@@ -98,7 +99,7 @@ const recording = (() => {
                 id: "controls", label: "Meshcat", value: false, hint: "Meshcat's own controls",
             })));
         requestAnimationFrame(tick);
-        setInterval(() => keep_above_ground(viewer), 500);
+        setInterval(() => { keep_above_ground(viewer), fit_width(viewer); }, 500);
     });
     addEventListener("keydown", (event) => {
         if (event.key !== " " || !has_begun || event.target.closest("button, input, select"))

@@ -1,5 +1,6 @@
 // What the page does with Meshcat's scene: names beside things, a camera that stays above
-// the ground, a dark background where the browser is dark, and clicks on links.
+// the ground and sees all on a phone, a dark background where the browser is dark, and
+// clicks on links.
 "use strict";
 
 // Calls something before and after a method of Meshcat's viewer.
@@ -60,6 +61,21 @@ const keep_above_ground = (viewer) => {
     const {target} = viewer.controls;
     const lowest = (above - target.y) / viewer.camera.position.distanceTo(target);
     viewer.controls.maxPolarAngle = has_ground ? Math.acos(Math.max(-1, Math.min(1, lowest))) : Math.PI;
+};
+
+// ---- A narrow window, as a phone's, shows as much from side to side as a wide one ----
+
+const widths = new WeakMap();
+
+const fit_width = (viewer) => {
+    const {clientWidth, clientHeight} = viewer.renderer.domElement;
+    const zoom = Math.min(1, clientWidth / clientHeight);
+    // Another zoom may be set by Meshcat's own controls.
+    if (!(zoom > 0) || zoom === (widths.get(viewer) ?? 1)) return;
+    widths.set(viewer, zoom);
+    viewer.camera.zoom = zoom;
+    viewer.camera.updateProjectionMatrix();
+    viewer.set_dirty();
 };
 
 // ---- The camera goes where a link goes ----
