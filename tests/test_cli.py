@@ -218,8 +218,7 @@ def test_check_reads_as_blocks_by_severity_and_file(run, tmp_path, monkeypatch):
 
     assert code == 0
     assert out.splitlines() == [
-        "r: 2 links, 1 movable joint, 0.001 kg, "
-        "at most 0 m from the first joint to the last link, fixed base",
+        "r: 2 links, 1 movable joint, 0.001 kg, fixed base",
         "joints: j",
         "controller joint_state_broadcaster "
         "(joint_state_broadcaster/JointStateBroadcaster): active",

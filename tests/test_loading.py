@@ -188,8 +188,7 @@ def test_a_folder_with_two_robots_names_them(package):
 
 def test_a_folder_without_a_robot_is_an_error(tmp_path):
     assert problem(tmp_path) == (
-        f"{tmp_path}: expected one robot description in the folder, got 0; "
-        "name the file: none found"
+        f"{tmp_path}: no robot description (.urdf, .xacro) in the folder"
     )
 
 
@@ -568,6 +567,21 @@ def test_files_of_other_packages_are_named_as_candidates(package):
     (line,) = [line for line in lines(ad.load_robot(package)) if "candidates" in line]
 
     assert f"candidates: {file}; no controller runs; --controllers FILE " in line
+
+
+def test_files_of_the_same_maker_come_before_those_that_name_the_joints(package):
+    hardware = '<ros2_control name="h" type="system"><joint name="j"/></ros2_control>'
+    arm_with(package, hardware)
+    controllers_with(package.parent / "bringup")
+    manifest = package.parent / "bringup" / "package.xml"
+    write(manifest, "<package><name>bringup</name></package>")
+    driver = package.parent / "driver"
+    file = controllers_with(driver, joints="[k]")
+    write(driver / "package.xml", "<package><name>arm_driver</name></package>")
+
+    (line,) = [line for line in lines(ad.load_robot(package)) if "candidates" in line]
+
+    assert f"candidates: {file}; no controller runs" in line
 
 
 def test_the_controller_manager_is_called_as_the_plugin_says(package):

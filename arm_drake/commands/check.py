@@ -69,11 +69,11 @@ def _problem(controller: str, report: LoadReport) -> str | None:
 
 def _text(content: dict[str, Any], report: LoadReport) -> str:
     joints = content["joints"]
+    far = f"at most {content['reach']:.3g} m from the first joint to the last link, "
     lines = [
         f"{content['robot']}: {counted(content['links'], 'link')}, "
         f"{counted(len(joints), 'movable joint')}, {content['mass']:.3g} kg, "
-        f"at most {content['reach']:.3g} m from the first joint to the last link, "
-        f"{content['base']} base",
+        f"{far if content['reach'] else ''}{content['base']} base",
         f"joints: {', '.join(joints) or 'none'}",
     ]
     for row in content["controllers"]:

@@ -123,19 +123,40 @@ def _has_controllers(path: Path) -> bool:
 
 
 def _candidates(description: RobotDescription, packages: PackageFinder) -> list[Path]:
-    """Return files around the description that control joints of its names."""
+    """Return files around the description that control it: of its maker, else others.
+
+    A maker's packages begin with the same word; files of others count if they name
+    joints of the description, nearer ones first.
+    """
     names = [re.escape(joint.name) for joint in description.movable_joints]
     mentions = re.compile(rf"\b({'|'.join(names)})\b" if names else r"(?!)")
-    found = []
-    folders = dict.fromkeys(folder for _, folder in packages.known())
-    for folder in itertools.islice(folders, _MAX_PACKAGES):
-        files = itertools.islice(folder.glob("**/*.y*ml"), _MAX_FILES)
-        found += [
-            path
-            for path in sorted(files)
-            if _has_controllers(path) and mentions.search(text_of(path))
-        ]
+    around = description.file.absolute().parents
+    known = {folder: name for name, folder in packages.known()}
+    own = next((known[folder] for folder in around if folder in known), "")
+    maker = own.partition("_")[0]
+
+    def distance(folder: Path) -> int:
+        return next(i for i, each in enumerate(around) if folder.is_relative_to(each))
+
+    def names_joints(path: Path) -> bool:
+        return mentions.search(text_of(path)) is not None
+
+    near = sorted(known, key=distance)
+    of_maker = [folder for folder in near if known[folder].partition("_")[0] == maker]
+    found = sorted(_control_files_in(of_maker), key=names_joints, reverse=True)
+    if not found:
+        others = [folder for folder in near if folder not in of_maker]
+        found = list(filter(names_joints, _control_files_in(others)))
     return found[:_MAX_CANDIDATES]
+
+
+def _control_files_in(folders: Sequence[Path]) -> list[Path]:
+    return [
+        path
+        for folder in folders[:_MAX_PACKAGES]
+        for path in sorted(itertools.islice(folder.glob("**/*.y*ml"), _MAX_FILES))
+        if _has_controllers(path)
+    ]
 
 
 def default_controllers(

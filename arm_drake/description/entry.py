@@ -138,6 +138,9 @@ def _entry_in_folder(folder: Path) -> Path:
     alike = [p for p in candidates if p.name.partition(".")[0] in names]
     if len(alike) == 1:
         return alike[0].absolute()
+    if not candidates:
+        problem = "no robot description (.urdf, .xacro) in the folder"
+        raise DescriptionError(problem, file=folder)
     if len(candidates) != 1:
         named = [str(path.relative_to(folder)) for path in candidates]
         listed = ", ".join(named[:_MAX_LISTED])
@@ -145,7 +148,7 @@ def _entry_in_folder(folder: Path) -> Path:
             listed += f" and {len(named) - _MAX_LISTED} more"
         raise DescriptionError(
             f"expected one robot description in the folder, got "
-            f"{len(candidates)}; name the file: {listed or 'none found'}",
+            f"{len(candidates)}; name the file: {listed}",
             file=folder,
         )
     return candidates[0].absolute()

@@ -17,6 +17,10 @@ _ORDER = ("error", "warning", "info")
 # Of things found in many places, so many are named in the text.
 _MAX_PLACES = 4
 
+# Of so many that differ in numbers only, those of the first are told.
+_MANY = 4
+_NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(\.\d*)?(e[-+]?\d+)?(?!\w)")
+
 Kind = Literal["repair", "ignored", "unsupported", "missing", "invalid"]
 
 
@@ -49,15 +53,31 @@ class ReportEntry:
         return f"{self.severity}: {': '.join(parts)}; {self.done}"
 
 
+def _shape(text: str) -> str:
+    """Return a text without its numbers."""
+    return _NUMBER.sub("0", text)
+
+
+def _key(entry: ReportEntry, of: Callable[[str], str]) -> tuple[str, ...]:
+    texts = (entry.what, entry.done)
+    return (entry.severity, entry.kind, entry.file or "", *map(of, texts))
+
+
 def _together(entries: list[ReportEntry]) -> ReportEntry:
-    """Return one entry for things that differ only in their place."""
-    places = [entry.where for entry in entries if entry.where]
-    named = ", ".join(places[:_MAX_PLACES])
+    """Return one entry for things that differ only in their places and numbers."""
+    places = list(dict.fromkeys(entry.where for entry in entries if entry.where))
+    # Such as "ros2_control 'arm', ", if all are in that block.
+    blocks = {"".join(each.rpartition(", ")[:2]) for each in places}
+    block = blocks.pop() if len(blocks) == 1 else ""
+    named = block + ", ".join(each.removeprefix(block) for each in places[:_MAX_PLACES])
     if len(places) > _MAX_PLACES:
         named += f" and {len(places) - _MAX_PLACES} more"
     lines = {entry.line for entry in entries}
     line = lines.pop() if len(lines) == 1 else None
-    return dc.replace(entries[0], where=named, line=line)
+    done = entries[0].done
+    if len({(entry.what, entry.done) for entry in entries}) > 1:
+        done += f" (so the first of {len(entries)}; the others have other numbers)"
+    return dc.replace(entries[0], where=named, line=line, done=done)
 
 
 class LoadReport:
@@ -139,13 +159,19 @@ class LoadReport:
     def grouped(self) -> list[ReportEntry]:
         """Return the entries for people: errors first, and no line twice.
 
-        What was found in several places is one entry, whose place names the first few.
+        What was found in several places is one entry, whose place names the first few;
+        so is what differs in its numbers, too, where there is much of it.
         """
+        entries = sorted(self._entries, key=lambda e: _ORDER.index(e.severity))
+        alike: dict[tuple[str, ...], list[ReportEntry]] = {}
+        for entry in entries:
+            alike.setdefault(_key(entry, _shape), []).append(entry)
         groups: dict[tuple[str, ...], list[ReportEntry]] = {}
-        for entry in sorted(self._entries, key=lambda e: _ORDER.index(e.severity)):
-            key = (entry.severity, entry.kind, entry.what, entry.done, entry.file or "")
+        for entry in entries:
+            texts = {_key(each, str) for each in alike[_key(entry, _shape)]}
+            key = _key(entry, _shape if len(texts) >= _MANY else str)
             groups.setdefault(key, []).append(entry)
-        return [_together(entries) for entries in groups.values()]
+        return [_together(group) for group in groups.values()]
 
     def __str__(self) -> str:
         """Return the report as lines of text, errors first, no line twice."""

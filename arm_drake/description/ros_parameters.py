@@ -482,6 +482,9 @@ class _File:
         else:
             value = self._value(node, f"{path}.{name}")
             line = node.start_mark.line + 1
+            if name in flat:
+                what = f"it stands on line {flat[name].line}, too"
+                self._warn(node, f"{path}.{name}", what, "what stands last counts")
             flat[name] = Parameter(value, self._file, line)
 
     def _only_mapping(self, node: yaml.SequenceNode, where: str) -> yaml.MappingNode:

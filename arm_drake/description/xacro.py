@@ -290,10 +290,13 @@ def _read(path: Path) -> str:
 def _explain(
     answer: Mapping[str, Any], path: Path, packages: PackageFinder
 ) -> ArmDrakeError:
-    """Return a xacro error in our words, with the chain of files that led to it."""
+    """Return a xacro error in our words, with its place and what led to it."""
     error = answer["error"]
     chain = [str(packages.real(Path(file))) for file in answer["files"]]
-    file = Path(chain[-1]) if chain else path
+    file, line = Path(chain[-1]) if chain else path, None
+    if answer.get("place") and error["kind"] != "xml":
+        name, line = answer["place"]
+        file = packages.real(Path(name))
     match error["kind"]:
         case "package":
             return _list_missing(answer["failed"], path, packages)
@@ -324,9 +327,21 @@ def _explain(
             problem = _explain_argument(error["name"], path, packages)
         case _:
             problem = error["text"]
-    if len(chain) > 1 and not problem.startswith("xacro: "):
+            if "name" in error:
+                problem += f"; {suggest(error['name'], error['known'])}"
+    if answer.get("calls"):
+        problem += f" ({_list_calls(answer['calls'], packages)})"
+    elif len(chain) > 1 and str(file) == chain[-1]:
         problem += f" (included by {' -> '.join(chain[:-1])})"
-    return DescriptionError(problem, file=file)
+    return DescriptionError(problem, file=file, line=line)
+
+
+def _list_calls(calls: list[Any], packages: PackageFinder) -> str:
+    """Return where the macros were called in which an error came up."""
+    return ", ".join(
+        f"in macro {name!r}, called at {packages.real(Path(place[0]))}:{place[1]}"
+        for name, place in reversed(calls)
+    )
 
 
 def _explain_argument(name: str, path: Path, packages: PackageFinder) -> str:
@@ -360,7 +375,7 @@ def _find_values(
         for match in re.finditer(rf"{one}\s+(?:not\s+)?in\s*[\[(](.*?)[\])]", text):
             values.update(re.findall(r"['\"](.*?)['\"]", match[1]))
     for file, text in texts.items():
-        for match in re.finditer(rf"\"([^\"]*){argument}([^\"/$]*\.\w+)\"", text):
+        for match in re.finditer(rf"\"([^\"]*){argument}([^\"$]*\.\w+)\"", text):
             start = _FIND.sub(lambda m: str(_folder(m[1], packages) or m[0]), match[1])
             if "$" not in start:
                 start = os.path.join(file.parent, start)

@@ -25,9 +25,11 @@ import resource
 import string
 import sys
 import types
+import xml.dom.minidom
 import xml.parsers.expat
 from collections.abc import Callable, Mapping
 from typing import Any, TextIO
+from xml.dom.expatbuilder import ExpatBuilderNS
 
 
 class _Postponed(types.ModuleType):
@@ -203,6 +205,43 @@ class _PackageNotFoundError(Exception):
     """A package that the other side doesn't find; it knows why."""
 
 
+class _Place:
+    """Where a node of a document is; the copies that macros make keep it."""
+
+    def __init__(self, file: str, line: int) -> None:
+        self.file = file
+        self.line = line
+
+    def put_on(self, node: Any) -> None:
+        node.setUserData("place", self, self)
+
+    def handle(self, *arguments: Any) -> None:
+        """Put it on the copy of a node, the last argument, as the DOM's handlers do."""
+        self.put_on(arguments[-1])
+
+
+class _Builder(ExpatBuilderNS):
+    """Builds a document whose nodes know their places."""
+
+    _parser: Any
+    curNode: Any
+
+    def __init__(self, file: str) -> None:
+        super().__init__()
+        self._file = file
+
+    def start_element_handler(self, name: str, attributes: Any) -> None:
+        super().start_element_handler(name, attributes)
+        _Place(self._file, self._parser.CurrentLineNumber).put_on(self.curNode)
+
+    def character_data_handler_cdata(self, data: str) -> None:
+        super().character_data_handler_cdata(data)
+        if "$" in data:  # Texts come when they end.
+            rest = data.count("\n", data.index("$"))
+            place = _Place(self._file, self._parser.CurrentLineNumber - rest)
+            place.put_on(self.curNode.lastChild)
+
+
 class _Other:
     """The process that asked."""
 
@@ -245,7 +284,7 @@ def main() -> None:
     with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
         answer = _expand(request["file"], values, other, opened)
     if len(answer.get("text", "")) > request["size"]:
-        answer = {"error": {"kind": "size"}, "files": [], "macros": []}
+        answer = {"error": {"kind": "size"}, "files": []}
     unused = sorted(values.unused)
     other.tell(**answer, opened=opened, unused=unused, said=said.getvalue())
 
@@ -276,6 +315,7 @@ def _expand(
     vars(substitution_args).update(_eval_find=other.find, eval=eval_argument)
     substitution_args._eval_dict["find"] = other.find
     vars(xacro).update(safe_eval=eval_expression, open=open_noted)
+    vars(xml.dom.minidom).update(parse=lambda file: _Builder(file.name).parseFile(file))
     vars(xacro).update(_global_symbols=_make_symbols())
     try:
         document = xacro.process_file(path, mappings=values, verbosity=0)
@@ -285,10 +325,52 @@ def _expand(
         return {
             "error": _explain(error),
             "files": [file for file in xacro.filestack or [] if file],
-            "macros": sorted(
-                {macro.body.getAttribute("name") for macro in xacro.macrostack or []}
-            ),
+            "macros": sorted({_name(macro) for macro in xacro.macrostack or []}),
+            **_locate(error),
         }
+
+
+def _name(macro: Any) -> str:
+    return str(macro.body.getAttribute("name"))
+
+
+def _frames(error: BaseException) -> list[types.FrameType]:
+    """Return the calls in which an error came up, the innermost last."""
+    frames, step = [], error.__traceback__
+    while step is not None:
+        frames.append(step.tb_frame)
+        step = step.tb_next
+    return frames
+
+
+def _locate(error: Exception) -> dict[str, Any]:
+    """Return where the node is at which xacro stopped, and where macros were called."""
+    nodes, calls = [], []
+    frames = [each for each in _frames(error) if each.f_globals is vars(xacro)]
+    for frame, inner in zip(frames, [*frames[1:], None], strict=True):
+        known = frame.f_locals
+        node = known.get("node") or known.get("elt")
+        if not isinstance(node, xml.dom.minidom.Node):
+            continue
+        nodes.append(node)
+        # It evaluates the body of a macro, and not what stands in the call.
+        if (
+            inner is not None
+            and frame.f_code is xacro.handle_macro_call.__code__
+            and inner.f_locals.get("macros") is known.get("scoped_macros")
+        ):
+            calls.append([_name(known["m"]), _place(node)])
+    return {"place": _place(nodes[-1]) if nodes else None, "calls": calls}
+
+
+def _place(node: xml.dom.minidom.Node | None) -> tuple[str, int] | None:
+    """Return file and line of a node, or of the nearest that it is in."""
+    while node is not None:
+        place = node.getUserData("place")
+        if place is not None:
+            return place.file, place.line
+        node = node.parentNode
+    return None
 
 
 def _explain(error: Exception) -> dict[str, Any]:
@@ -306,19 +388,53 @@ def _explain(error: Exception) -> dict[str, Any]:
         case xml.parsers.expat.ExpatError() if cause is error:
             reason = xml.parsers.expat.errors.messages[cause.code]
             return {"kind": "xml", "reason": reason, "line": cause.lineno}
-    if not isinstance(error, xacro.XacroException):
-        return {"kind": "other", "text": f"xacro: {type(error).__name__}: {error}"}
     match cause:
-        case OSError():
+        case OSError() if isinstance(error, xacro.XacroException):
             name, is_missing = cause.filename, isinstance(cause, FileNotFoundError)
             details = {"name": os.fsdecode(name or ""), "is_missing": is_missing}
             return {"kind": "file", "reason": cause.strerror, **details}
         case substitution_args.ArgException():
             return {"kind": "argument", "name": str(cause)}
+    return {"kind": "other", **_describe(error, cause)}
+
+
+def _describe(error: Exception, cause: Any) -> dict[str, Any]:
+    """Return the text of an error, with the names that there are for one of them."""
     text = " ".join(str(error).split())
+    if not isinstance(error, xacro.XacroException) and not text.startswith("xacro:"):
+        text = f"xacro: {type(error).__name__}: {text}"
     if text.startswith("<class "):  # xacro says the same twice.
         text = " ".join(str(cause).split())
-    return {"kind": "other", "text": text}
+    if isinstance(cause, SyntaxError):  # What it calls a file and a line is neither.
+        text = text.replace(f" ({cause.filename}, line {cause.lineno})", "")
+    for macro in getattr(cause, "macros", []):
+        params = ", ".join(macro.params) or "none"
+        text = f"macro {_name(macro)!r}: {text}; its parameters: {params}"
+    match cause:
+        case NameError(name=str(name)):
+            return {"text": text, "name": name, "known": _known_names(error, cause)}
+        case xacro.XacroException() if text.startswith("unknown macro name: "):
+            name = text.partition(": ")[2].removeprefix("xacro:")
+            return {"text": text, "name": name, "known": _innermost(error, "macros")}
+    return {"text": text}
+
+
+def _known_names(error: Exception, cause: NameError) -> list[str]:
+    """Return the properties, or the arguments, that an expression could have named."""
+    if any(frame.f_code is eval_argument.__code__ for frame in _frames(cause)):
+        return sorted(xacro.substitution_args_context["arg"])
+    return _innermost(error, "symbols")
+
+
+def _innermost(error: Exception, name: str) -> list[str]:
+    """Return the names in a table of xacro's, as it was where an error came up."""
+    tables = [frame.f_locals.get(name) for frame in _frames(error)]
+    table = next((each for each in reversed(tables) if each is not None), None)
+    names: set[str] = set()
+    while isinstance(table, xacro.Table):
+        names.update(key for key in table if re.match(r"(?!__)\w", key))
+        table = table.parent
+    return sorted(names)
 
 
 if __name__ == "__main__":

@@ -121,7 +121,13 @@ def test_a_recording_waits_for_all_of_its_scene(page: Page, film: Path) -> None:
 
 
 def test_a_recording_loops_if_asked(page: Page, film: Path) -> None:
+    page.emulate_media(color_scheme="dark")
     page.goto(film.as_uri())
+    # So is what is behind the robot.
+    page.wait_for_function(
+        """() => viewer.scene_tree.find(["Background", "<object>"]).object
+            .top_color.r < 80"""
+    )
     bar_widget(page, "rate").locator("select").select_option("5 ×")
     # It has ended.
     expect(bar_widget(page, "play")).to_have_text("play")

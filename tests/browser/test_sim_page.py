@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import Browser, ViewportSize
@@ -296,6 +297,54 @@ def test_the_command_has_a_page(browser: Browser) -> None:
             return bool(np.linalg.norm(moved) > 20.0)
 
         screen.until(has_moved, "it bends over: the last link is lower, on one side")
+        go_back(screen, before)
+        insert_a_thing(screen)
+        teach_a_way_point(screen)
+        end_it(screen)
+
+
+def insert_a_thing(screen: Screen) -> None:
+    """Put a green box before the robot, which is seen."""
+    before = int(green(screen.picture()).sum())  # An axis is green.
+    screen.page.locator("summary", has_text="Insert a thing").click()
+    screen.choose("insert:color", "green")
+    screen.click("insert:now")
+    screen.until(lambda: green(screen.glance()).sum() > before + 100, "the green box")
+
+
+def teach_a_way_point(screen: Screen) -> None:
+    """Keep where the robot is; it is a motion file then."""
+    screen.page.locator("summary", has_text="Teach a motion").click()
+    assert not screen.is_enabled("teach:save")
+    screen.click("teach:add")
+    screen.until(lambda: screen.text("teach:count") == "1", "a way point")
+    (step,) = yaml.safe_load(screen.text("teach:motion"))
+    assert "arm1_arm2_joint" in step["goal"]["joint_names"]
+    assert screen.is_enabled("teach:save")
+
+
+def go_back(screen: Screen, start: Picture) -> None:
+    """Have the time bar show the start of the run."""
+    screen.slide("seek", 0.0)
+
+    def is_back() -> bool:
+        seen = red(screen.glance())
+        return bool(seen.any()) and is_near(middle(seen), middle(red(start)))
+
+    screen.until(is_back, "the start of the run")
+    assert screen.number("seek") == 0.0
+    assert screen.seconds("time") > 0.5
+
+
+def end_it(screen: Screen) -> None:
+    """End the program: what can't do anything any more is grey."""
+    sections, lost = screen.page.locator("#sections"), screen.page.locator("#lost")
+    assert sections.evaluate("(s) => getComputedStyle(s).opacity") == "1"
+    screen.click("end")
+    screen.until(lambda: screen.text("end") == "end it?", "a question")
+    screen.click("end")
+    screen.until(lost.is_visible, "the connection is lost")
+    assert sections.evaluate("(s) => s.inert && +getComputedStyle(s).opacity < 0.5")
 
 
 def test_time_stands_while_it_is_paused_and_goes_on(
@@ -700,6 +749,16 @@ def test_on_a_phone_the_panel_leaves_the_scene_alone(
             "input:not([type=checkbox])')].map((e) => e.getBoundingClientRect().height)"
         )
         width = page.evaluate("() => document.documentElement.scrollWidth")
+
+        # What a square window shows from side to side is seen in the narrow one.
+        def slope(row: int) -> float:
+            projection = "viewer.camera.projectionMatrix.elements"
+            frame = "document.getElementById('scene').contentWindow"
+            return float(page.evaluate(f"() => {frame}.{projection}[{row}]"))
+
+        square = 1.0 / math.tan(math.radians(75.0) / 2.0)
+        screen.until(lambda: slope(0) == pytest.approx(square, abs=1e-3), "all of it")
+        assert slope(5) == pytest.approx(square * 390.0 / scene["height"], abs=1e-3)
 
     assert scene is not None
     assert panel is not None

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 import yaml
 from numpy.typing import NDArray
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, expect
+from pydrake.geometry import Box
 
 import arm_drake as ad
 from arm_drake.visualization.page.camera import CameraPart
@@ -615,6 +616,46 @@ def test_meshcat_s_own_controls_are_behind_a_button(
     assert controls.is_visible()
     button.click()
     assert not controls.is_visible()
+
+
+# The scene's objects come when the test lets them.
+HOLD_OBJECTS = """
+    const {viewer} = document.getElementById("scene").contentWindow;
+    const {set_object} = viewer;
+    viewer.set_object = (...given) => {
+        window.release = () => {
+            viewer.set_object = set_object;
+            set_object.apply(viewer, given);
+        };
+    };
+"""
+
+
+def test_what_is_still_loading_is_said(
+    program: Program[RobotViewer], screen: Screen
+) -> None:
+    sign = screen.page.locator("#loading")
+    expect(sign).to_be_hidden()
+    screen.page.evaluate(HOLD_OBJECTS)
+    meshcat = program.page.meshcat
+
+    program.ask(lambda: meshcat.SetObject("/late", Box(0.01, 0.01, 0.01)))
+    expect(sign).to_be_visible()
+    screen.page.evaluate("() => release()")
+    expect(sign).to_be_hidden()
+    program.ask(lambda: meshcat.Delete("/late"))
+
+
+def test_the_background_is_dark_where_the_browser_is(screen: Screen) -> None:
+    def brightness() -> float:
+        return float(screen.glance()[:5].mean())
+
+    light = brightness()
+    screen.page.emulate_media(color_scheme="dark")
+    screen.until(lambda: brightness() < 80.0, "it is dark")
+    screen.page.emulate_media(color_scheme="light")
+    screen.until(lambda: abs(brightness() - light) < 1.0, "it is as before")
+    assert light > 150.0
 
 
 def test_a_motion_is_planned_and_executed_by_the_panel(

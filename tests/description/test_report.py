@@ -103,3 +103,32 @@ def test_lines_are_added_where_they_are_known():
         ("other", 3),
         ("entry", None),
     ]
+
+
+def test_many_that_differ_in_numbers_only_are_one_line():
+    report = LoadReport()
+    for number, name in enumerate("abcde"):
+        what, where = f"{name!r} is {number}.5", f"ros2_control 'h', joint '{name}'"
+        report.add(
+            "warning", "invalid", f"min: got '{number}.5'", "left out", where=where
+        )
+        report.add("warning", "invalid", what, "left out", where=where)
+
+    first, *others = str(report).splitlines()
+
+    assert first == (
+        "warning: ros2_control 'h', joint 'a', joint 'b', joint 'c', joint 'd' and 1 "
+        "more: min: got '0.5'; left out (so the first of 5; the others have other "
+        "numbers)"
+    )
+    assert others[4] == ("warning: ros2_control 'h', joint 'e': 'e' is 4.5; left out")
+
+
+def test_a_few_that_differ_in_numbers_keep_them():
+    report = LoadReport()
+    for number, name in enumerate("abc"):
+        report.add("warning", "missing", "no mass", f"{number} kg", where=name)
+
+    assert str(report).splitlines() == [
+        f"warning: {name}: no mass; {number} kg" for number, name in enumerate("abc")
+    ]

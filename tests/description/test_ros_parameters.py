@@ -135,6 +135,17 @@ def test_a_key_that_stands_twice_keeps_its_first_place(read):
     assert {k: p.value for k, p in sections[0].parameters.items()} == {"x": 3, "y": 1}
 
 
+def test_a_value_that_stands_twice_is_reported(read):
+    section = "a:\n  ros__parameters:\n    b: {c: 1}\n    b: {c: 2}\n"
+
+    (section,), lines = read(section)
+
+    assert section.parameters["b.c"].value == 2
+    assert lines == [
+        "warning: a.yaml:4: a.b.c: it stands on line 3, too; what stands last counts"
+    ]
+
+
 def test_keys_that_stand_twice_merge_at_every_depth(values):
     read = values("a: {b: {c: 1, d: 2}}\na: {b: {c: 3}}\na.b: {e: 4}\na: {b.d: 5}")
 

@@ -117,12 +117,15 @@ def test_an_argument_doesnt_leak_after_an_error(expand):
         ('<xacro:m file="$(find arm)/of_$(arg side).yaml"/>', "left, right"),
         ('<xacro:m file="$(find nothing)/of_$(arg side).yaml"/>', ""),
         ('<xacro:include filename="of_$(arg side).yaml"/>', "left, right"),
+        ('<xacro:include filename="of_$(arg side)/a/arm.xacro"/>', "up"),
     ],
 )
 def test_values_that_files_know_of_an_argument_are_told(expand, tmp_path, body, known):
     (tmp_path / "package.xml").write_text("<name>arm</name>", encoding="utf-8")
     for name in ("of_left.yaml", "of_right.yaml", "of_none.txt", "right.yaml"):
         (tmp_path / name).write_text("{}", encoding="utf-8")
+    (tmp_path / "of_up/a").mkdir(parents=True)
+    (tmp_path / "of_up/a/arm.xacro").write_text(robot(""), encoding="utf-8")
 
     with pytest.raises(DescriptionError) as caught:
         expand(f'<link name="$(arg side)"/>{body}')
@@ -152,41 +155,53 @@ def test_find_gives_the_folder_of_a_package(expand, tmp_path):
     assert '<link name="included"/>' in text
 
 
+MACROS = """<xacro:macro name="foot" params="side">
+<link name="${sid}"/>
+</xacro:macro>
+<xacro:macro name="leg" params="side">
+<xacro:foot side="${side}"/>
+</xacro:macro>"""
+
+
 @pytest.mark.parametrize(
     ("body", "message"),
     [
         (
             '<xacro:arg name="a" default="1"/><xacro:arg default="" name="b"/>$(arg c)',
-            "{file}: xacro argument 'c' is undefined; give it as c:=VALUE; "
+            "{file}:2: xacro argument 'c' is undefined; give it as c:=VALUE; "
             "the file declares: a:=1, b:=",
         ),
         (
             "$(arg c)",
-            "{file}: xacro argument 'c' is undefined; give it as c:=VALUE; "
+            "{file}:2: xacro argument 'c' is undefined; give it as c:=VALUE; "
             "the file declares: none",
         ),
-        ("${1 / 0}", "{file}: division by zero when evaluating expression '1 / 0'"),
-        ("$(eval 1 / 0)", "{file}: division by zero"),
-        ("${x}", "{file}: name 'x' is not defined when evaluating expression 'x'"),
-        ("${1", "{file}: invalid expression: ${{1"),
+        ("${1 / 0}", "{file}:2: division by zero when evaluating expression '1 / 0'"),
+        ("$(eval 1 / 0)", "{file}:2: division by zero"),
+        (
+            "${x}",
+            "{file}:2: name 'x' is not defined when evaluating expression 'x'; "
+            "known: none",
+        ),
+        ("${1", "{file}:2: invalid expression: ${{1"),
         (
             "${''.__class__}",
-            "{file}: Use of invalid name(s): __class__ when evaluating expression "
+            "{file}:2: Use of invalid name(s): __class__ when evaluating expression "
             "'''.__class__'",
         ),
         (
             "$(env NO_SUCH_THING)",
-            "{file}: environment variable 'NO_SUCH_THING' is not set",
+            "{file}:2: environment variable 'NO_SUCH_THING' is not set",
         ),
-        ("<xacro:nope/>", "{file}: unknown macro name: xacro:nope"),
+        ("<xacro:nope/>", "{file}:2: unknown macro name: xacro:nope; known: none"),
         (
             '<xacro:if value="maybe"/>',
-            '{file}: Xacro conditional "maybe" evaluated to "maybe", which is not a '
+            '{file}:2: Xacro conditional "maybe" evaluated to "maybe", which is not a '
             "boolean expression.",
         ),
         (
             "<xacro:property/>",
-            "{file}: xacro: RuntimeError: xacro:property: missing attribute 'name'",
+            "{file}:2: xacro:property: missing attribute 'name'",
         ),
         (
             "<a>\n</b>",
@@ -195,18 +210,45 @@ def test_find_gives_the_folder_of_a_package(expand, tmp_path):
         ("<other:a/>", "{file}:2: malformed XML: unbound prefix: '<other:a/>'"),
         (
             '<xacro:include filename="nope.xacro"/>',
-            "{file}: '{folder}/nope.xacro' can't be read: No such file or directory; "
-            "there are 'broken.xacro', 'outer.xacro', 'robot.xacro'",
+            "{file}:2: '{folder}/nope.xacro' can't be read: No such file or directory; "
+            "there are 'broken.xacro', 'macros.xacro', 'outer.xacro', 'robot.xacro'",
         ),
         (
             "${xacro.load_yaml('nope.yaml')}",
-            "{file}: '{folder}/nope.yaml' can't be read: No such file or directory",
+            "{file}:2: '{folder}/nope.yaml' can't be read: No such file or directory",
         ),
         (
             '<xacro:include filename="outer.xacro"/>',
-            "{folder}/outer.xacro: '{folder}/inner.xacro' can't be read: No such file "
-            "or directory; there are 'broken.xacro', 'outer.xacro', 'robot.xacro' "
-            "(included by {file})",
+            "{folder}/outer.xacro:2: '{folder}/inner.xacro' can't be read: No such "
+            "file or directory; there are 'broken.xacro', 'macros.xacro', "
+            "'outer.xacro', 'robot.xacro' (included by {file})",
+        ),
+        (
+            '<xacro:property name="length" value="1"/>\n\n<a b="${lenght}"/>',
+            "{file}:4: name 'lenght' is not defined when evaluating expression "
+            "'lenght'; did you mean 'length'? known: length",
+        ),
+        (
+            "<a>\n\n  ${1 +* 2}</a>",
+            "{file}:4: invalid syntax when evaluating expression '1 +* 2'",
+        ),
+        (
+            '<xacro:arg name="size" default="1"/>\n$(eval 2 * sice)',
+            "{file}:3: name 'sice' is not defined; did you mean 'size'? known: size",
+        ),
+        (
+            '<xacro:macro name="leg" params="a *b"/>\n<xacro:lag/>',
+            "{file}:3: unknown macro name: xacro:lag; did you mean 'leg'? known: leg",
+        ),
+        (
+            '<xacro:macro name="leg" params="a b"/>\n<xacro:leg a="1"/>',
+            "{file}:3: macro 'leg': Undefined parameters [b]; its parameters: a, b",
+        ),
+        (
+            '<xacro:include filename="macros.xacro"/>\n<xacro:leg side="left"/>',
+            "{folder}/macros.xacro:3: name 'sid' is not defined when evaluating "
+            "expression 'sid'; did you mean 'side'? known: side (in macro 'foot', "
+            "called at {folder}/macros.xacro:6, in macro 'leg', called at {file}:3)",
         ),
         (
             '<xacro:include filename="broken.xacro"/>',
@@ -219,6 +261,7 @@ def test_an_error_says_where_and_what(expand, tmp_path, body, message):
     outer = robot('<xacro:include filename="inner.xacro"/>')
     (tmp_path / "outer.xacro").write_text(outer, encoding="utf-8")
     (tmp_path / "broken.xacro").write_text("<robot>\n</a>", encoding="utf-8")
+    (tmp_path / "macros.xacro").write_text(robot(MACROS), encoding="utf-8")
 
     with pytest.raises(DescriptionError) as caught:
         expand(body)
@@ -314,8 +357,8 @@ def test_all_missing_files_are_named_at_once(expand, tmp_path):
 
     file = tmp_path / "robot.xacro"
     assert str(caught.value) == (
-        f"{file}: 2 files don't exist: '{tmp_path / '1.xacro'}' (asked for by {file}:3)"
-        f", '{tmp_path / '2.xacro'}' (asked for by {file}:5)"
+        f"{file}:3: 2 files don't exist: '{tmp_path / '1.xacro'}' (asked for by "
+        f"{file}:3), '{tmp_path / '2.xacro'}' (asked for by {file}:5)"
     )
 
 
@@ -330,7 +373,7 @@ def test_errors_name_the_files_of_the_source_tree(expand, tmp_path):
     with pytest.raises(DescriptionError) as caught:
         expand('<xacro:include filename="$(find arm)/urdf/part.xacro"/>')
 
-    assert str(caught.value).startswith(f"{part}: name 'nope' is not defined")
+    assert str(caught.value).startswith(f"{part}:2: name 'nope' is not defined")
 
 
 def test_a_file_larger_than_any_description_is_refused_unread(tmp_path):
@@ -610,7 +653,7 @@ def test_a_pipe_is_not_read(expand, tmp_path, body):
         expand(body)
 
     file, pipe = tmp_path / "robot.xacro", tmp_path / "pipe"
-    assert str(caught.value) == f"{file}: '{pipe}' can't be read: Not a regular file"
+    assert str(caught.value) == f"{file}:2: '{pipe}' can't be read: Not a regular file"
 
 
 def test_a_description_that_is_a_pipe_is_not_read(tmp_path):

@@ -106,7 +106,7 @@ def test_a_description_that_xacro_refuses_is_told(package: Path) -> None:
     xacro.process_file(file).getElementsByTagName("link")
     """
 
-    with pytest.raises(InputError, match=r"wrong.xacro: .*b"):
+    with pytest.raises(InputError, match=r"wrong.xacro:1: .*b"):
         ad.load_launch(describe(package, "", before))
 
 

@@ -381,7 +381,7 @@ def encode_hull(points: Array) -> bytes:
 
 
 # Part of every cache key: raise it when the same input gives another output.
-CONVERTER_VERSION = 4
+CONVERTER_VERSION = 5
 
 MESH_SUFFIXES = (".dae", ".glb", ".gltf", ".obj", ".ply", ".stl")
 

@@ -93,10 +93,31 @@ const connect = () => {
     };
 };
 
+// What is heard from the first on: the scene comes after its page.
+const prepared = new WeakMap();
+const prepare = (viewer) => {
+    if (prepared.has(viewer)) return;
+    prepared.set(viewer, watch_loading(viewer));
+    follow_links(viewer);
+    follow_scheme(viewer);
+    fit_width(viewer);
+};
+
+// What takes longer is told, but not for ever: a mesh that can't be drawn never comes [ms].
+const moment = 700, patience = 60000;
+let since = performance.now();
+
+const tell_loading = (viewer) => {
+    const now = performance.now(), is_loading = !viewer || prepared.get(viewer).size;
+    if (!is_loading) since = now;
+    at("loading").hidden = now - since < moment || now - since > patience;
+};
+
 setInterval(() => {
     const {viewer} = at("scene").contentWindow;
-    if (viewer) keep_above_ground(viewer), follow_links(viewer);
-}, 500);
+    if (viewer) keep_above_ground(viewer), fit_width(viewer), prepare(viewer);
+    tell_loading(viewer);
+}, 250);
 
 // ---- Folding and keys ----
 
@@ -178,7 +199,7 @@ at("scene").addEventListener("load", () => {
     const own = at("scene").contentDocument.getElementById("status-message");
     if (own) own.style.visibility = "hidden";
     show_controls(false);
-    follow_links(at("scene").contentWindow.viewer);
+    prepare(at("scene").contentWindow.viewer);
     listen_to_keys(at("scene").contentWindow);
     listen_to_clicks(at("scene").contentWindow, (path) => say("readout:pick", path));
     const has_hands = () => widgets.get("hands:drag");

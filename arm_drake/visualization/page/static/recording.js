@@ -16,30 +16,21 @@ const recording = (() => {
     let time = 0, rate = 1, loop = settings.loop, last = 0, news = performance.now();
 
     // Objects that are to be drawn and aren't yet.
-    const waiting = new Set();
+    let waiting = new Set();
 
-    // Calls something beside a method of Meshcat's viewer.
-    const beside = (name, before, after) => {
-        const method = viewer[name];
-        viewer[name] = function (...args) {
-            before(...args);
-            const result = method.apply(this, args);
-            after(...args);
-            news = performance.now();
-            return result;
-        };
-    };
-    const nothing = () => {};
+    const note = () => { news = performance.now(); };
 
     Object.defineProperty(window, "viewer", {
         get: () => viewer,
         set: (made) => {
             viewer = made;
-            beside("handle_command_bytearray", nothing, () => { --commands; });
-            beside("set_object_from_json", (path) => waiting.add(path.join("/")), nothing);
-            beside("set_object", nothing, (path) => waiting.delete(path.join("/")));
+            waiting = watch_loading(viewer);
+            // Once the page has set what it has by default.
+            queueMicrotask(() => follow_scheme(viewer));
+            beside(viewer, "handle_command_bytearray", nothing, () => { --commands, note(); });
+            beside(viewer, "set_object", nothing, note);
             // Its own clock stands: what is seen is what the bar says.
-            beside("set_animation", nothing, () => viewer.animator.pause());
+            beside(viewer, "set_animation", nothing, () => viewer.animator.pause());
         },
     });
 
@@ -108,7 +99,7 @@ const recording = (() => {
                 id: "controls", label: "Meshcat", value: false, hint: "Meshcat's own controls",
             })));
         requestAnimationFrame(tick);
-        setInterval(() => keep_above_ground(viewer), 500);
+        setInterval(() => { keep_above_ground(viewer), fit_width(viewer); }, 500);
     });
     addEventListener("keydown", (event) => {
         if (event.key !== " " || !has_begun || event.target.closest("button, input, select"))

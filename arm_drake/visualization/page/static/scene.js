@@ -1,6 +1,19 @@
 // What the page does with Meshcat's scene: names beside things, a camera that stays above
-// the ground, and clicks on links.
+// the ground and sees all on a phone, a dark background where the browser is dark, and
+// clicks on links.
 "use strict";
+
+// Calls something before and after a method of Meshcat's viewer.
+const beside = (viewer, name, before, after) => {
+    const method = viewer[name];
+    viewer[name] = function (...given) {
+        before(...given);
+        const result = method.apply(this, given);
+        after(...given);
+        return result;
+    };
+};
+const nothing = () => {};
 
 // ---- Names beside frames: they follow the camera ----
 
@@ -50,6 +63,21 @@ const keep_above_ground = (viewer) => {
     viewer.controls.maxPolarAngle = has_ground ? Math.acos(Math.max(-1, Math.min(1, lowest))) : Math.PI;
 };
 
+// ---- A narrow window, as a phone's, shows as much from side to side as a wide one ----
+
+const widths = new WeakMap();
+
+const fit_width = (viewer) => {
+    const {clientWidth, clientHeight} = viewer.renderer.domElement;
+    const zoom = Math.min(1, clientWidth / clientHeight);
+    // Another zoom may be set by Meshcat's own controls.
+    if (!(zoom > 0) || zoom === (widths.get(viewer) ?? 1)) return;
+    widths.set(viewer, zoom);
+    viewer.camera.zoom = zoom;
+    viewer.camera.updateProjectionMatrix();
+    viewer.set_dirty();
+};
+
 // ---- The camera goes where a link goes ----
 
 // Meshcat's own camera would turn if what it hangs on moved. "/Followed" says how far the
@@ -66,13 +94,7 @@ const follow_links = (viewer) => {
         for (const place of [viewer.camera.position, viewer.controls.target]) move(place, step);
         way = next;
     };
-    const after = (name, act) => {
-        const act_first = viewer[name];
-        viewer[name] = function (...given) {
-            act_first.apply(this, given);
-            act(...given);
-        };
-    };
+    const after = (name, act) => beside(viewer, name, nothing, act);
     const is_followed = (path) => path.join("/") === "Followed";
     after("set_transform", (path, matrix) => {
         if (is_followed(path)) go_to([...matrix.slice(12, 15)]);
@@ -86,6 +108,41 @@ const follow_links = (viewer) => {
             move(viewer.camera.position, way);
     });
     go_to(viewer.scene_tree.find(["Followed"]).object.position.toArray());
+};
+
+// ---- What is on its way ----
+
+// Returns the paths of objects that are to be drawn and aren't yet, as it changes.
+const watch_loading = (viewer) => {
+    const waiting = new Set();
+    beside(viewer, "set_object_from_json", (path) => waiting.add(path.join("/")), nothing);
+    beside(viewer, "set_object", nothing, (path) => waiting.delete(path.join("/")));
+    return waiting;
+};
+
+// ---- The background is dark where the browser is, unless the world has its own ----
+
+const dark = matchMedia("(prefers-color-scheme: dark)");
+const ends = {top_color: [0.16, 0.19, 0.23], bottom_color: [0.05, 0.06, 0.08]};
+
+const follow_scheme = (viewer) => {
+    const path = ["Background", "<object>"];
+    const {object} = viewer.scene_tree.find(path);
+    const light = Object.fromEntries(Object.keys(ends).map((end) => {
+        const {r, g, b} = object[end];
+        return [end, [r / 255, g / 255, b / 255]];
+    }));
+    let is_own = true;
+    const paint = () => {
+        const colors = Object.entries(dark.matches ? ends : light);
+        for (const [end, color] of colors) set_property.call(viewer, path, end, color);
+    };
+    const {set_property} = viewer;
+    if (dark.matches) paint();
+    dark.addEventListener("change", () => { if (is_own) paint(); });
+    beside(viewer, "set_property", ([first]) => {
+        if (first === "Background") is_own = false;
+    }, nothing);
 };
 
 // ---- Clicks ----
