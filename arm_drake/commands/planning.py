@@ -41,7 +41,7 @@ def run_ik(options: argparse.Namespace, robot: Robot) -> int:
         pose,
         seed=read_positions("--seed", options.seed),
         group=group,
-        mask=mask,
+        mask=None if mask == WHOLE_POSE else mask,
         all_solutions=options.all,
     )
     solutions = [solution.positions, *solution.others]

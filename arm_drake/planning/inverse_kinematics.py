@@ -20,7 +20,7 @@ from pydrake.multibody.tree import Frame, JacobianWrtVariable
 from arm_drake.description.joints import joints_above, last_master
 from arm_drake.description.robot import Robot
 from arm_drake.errors import ArmDrakeError, InputError, counted, quoted, suggest
-from arm_drake.planning.groups import find_group
+from arm_drake.planning.groups import PlanningGroup, find_group
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.plant import transform_of, trial_plant
 
@@ -131,7 +131,7 @@ def solve_ik(
     seed: Mapping[str, float] | None = None,
     group: str | Collection[str] | None = None,
     tolerance: tuple[float, float] = TOLERANCE,
-    mask: Sequence[bool] = WHOLE_POSE,
+    mask: Sequence[bool] | None = None,
     collision_free: bool = False,
     all_solutions: bool = False,
 ) -> IkSolution:
@@ -154,6 +154,8 @@ def solve_ik(
         mask: What of the pose counts: x, y, z in the world, and turns about the x, y
             and z axis of the link. `(1, 1, 1, 1, 1, 0)` lets the link turn about its z
             axis: what an arm of five joints can do. `(1, 1, 1, 0, 0, 0)` is a position.
+            None is all, or the position where the `kinematics.yaml` beside the SRDF has
+            `position_only_ik` for the group that is named.
         collision_free: Whether the robot may not touch itself.
         all_solutions: Whether to look for the other solutions, too.
 
@@ -162,9 +164,9 @@ def solve_ik(
         InputError: If an argument can't be used.
     """
     kinematics = _kinematics_of(robot)
-    target = _Target.of(read_pose(pose), mask, tolerance)
-    joints = group if group is None else find_group(robot, group).joints
-    chain = kinematics.chain(frame, joints)
+    chosen = None if group is None else find_group(robot, group)
+    target = _Target.of(read_pose(pose), find_mask(chosen, mask), tolerance)
+    chain = kinematics.chain(frame, None if chosen is None else chosen.joints)
     q = kinematics.complete(seed or {})
     is_free = _self_check(robot, chain, q) if collision_free else None
     tries = _ALL_TRIES if all_solutions else _TRIES
@@ -183,6 +185,16 @@ def solve_ik(
         orientation_error=first.end.orientation_error,
         others=tuple(positions[1:]),
     )
+
+
+def find_mask(
+    group: PlanningGroup | None, mask: Sequence[bool] | None
+) -> Sequence[bool]:
+    """Return what of a pose counts for a group unless it is said."""
+    if mask is not None:
+        return mask
+    is_position_only = group is not None and group.is_position_only
+    return POSITION if is_position_only else WHOLE_POSE
 
 
 def complete_positions(

@@ -37,9 +37,8 @@ from arm_drake.planning.groups import (
     find_state,
 )
 from arm_drake.planning.inverse_kinematics import (
-    POSITION,
-    WHOLE_POSE,
     complete_positions,
+    find_mask,
     follow_line,
     forward_kinematics,
     pose_error,
@@ -58,6 +57,7 @@ from arm_drake.planning.surroundings import PlacedShape
 from arm_drake.planning.timing import (
     Mover,
     Samples,
+    default_scaling,
     deviation,
     motion_limits,
     time_path,
@@ -77,8 +77,10 @@ _PLOT, _ANIMATE = "arm_drake.visualization.plots", "arm_drake.notebook"
 # A pose is a transform, or x, y, z [m], roll, pitch, yaw [rad].
 Target: TypeAlias = str | Mapping[str, float] | RigidTransform | Sequence[float]
 
-# The search's steps, in those of the last check; one after the other.
-_COARSER = (10.0, 3.0, 1.0)
+# The search's steps, in those of the last check; one after the other. What is free at
+# the last check's steps comes closer than the padding between them at times: then it is
+# another way that is looked for.
+_COARSER = (10.0, 3.0, 1.0, 1.0, 1.0, 1.0)
 
 # How far from a corner a path leaves its lines, in units of the path's parameter: the
 # time that a joint needs at full speed [s].
@@ -118,8 +120,8 @@ class Plan:
     # [s].
     duration: float
 
-    # Smallest distance of what moves to anything else on the way [m], at points of the
-    # trajectory; 0.3 m where it is further.
+    # How near what moves comes to anything else on the way [m], at up to 80 points of
+    # the trajectory. It isn't looked for beyond 0.3 m: that means 0.3 m or more.
     clearance: float
 
     # The group that moves.
@@ -364,9 +366,7 @@ class _Problem(NamedTuple):
     @property
     def mask(self) -> Sequence[bool]:
         """What of poses counts."""
-        if self.options.mask is not None:
-            return self.options.mask
-        return POSITION if self.group.is_position_only else WHOLE_POSE
+        return find_mask(self.group, self.options.mask)
 
     @property
     def has_jerk_limits(self) -> bool:
@@ -377,10 +377,15 @@ class _Problem(NamedTuple):
     def time(self, path: np.ndarray) -> Iterator[tuple[Samples, bool]]:
         """Yield motions ever nearer to a path, and whether efforts keep limits."""
         mover = Mover(self.robot, self.group.joints, self.positions, self.payloads)
-        options = self.options
-        scaling = options.velocity_scaling, options.acceleration_scaling
+        given = self.options.velocity_scaling, self.options.acceleration_scaling
+        by_default = default_scaling(self.robot)
+        velocity, acceleration = (
+            one if each is None else each
+            for each, one in zip(given, by_default, strict=True)
+        )
         slower = _WITH_JERK if self.has_jerk_limits else ((r, 1.0) for r in _ROUNDINGS)
         for rounding, stretch in slower:
+            scaling = velocity, acceleration
             found = time_path(mover, path, rounding, scaling, stretch)
             if found is None:
                 raise PlanningError(
