@@ -714,6 +714,10 @@ def read_pose(pose: RigidTransform | Sequence[float]) -> RigidTransform:
     return transform_of((x, y, z, roll, pitch, yaw))
 
 
+def _in_words(length: float) -> str:
+    return f"{length:.3g} m" if length >= 1.0 else f"{1e3 * length:.3g} mm"
+
+
 def _no_solution(
     robot: Robot, chain: _Chain, target: _Target, best: _End, q: np.ndarray
 ) -> NoSolution:
@@ -725,7 +729,7 @@ def _no_solution(
     limits = chain.at_limits(best.values)
     message = (
         f"no joint positions put {chain.frame!r} there; the best miss it by "
-        f"{best.position_error * 1e3:.3g} mm and {best.orientation_error:.3g} rad"
+        f"{_in_words(best.position_error)} and {best.orientation_error:.3g} rad"
     )
     if target.is_met(best):
         message = f"the robot touches itself wherever {chain.frame!r} is there"

@@ -611,9 +611,10 @@ def _find_path(
     if way is None and should_stop is not None and should_stop():
         raise PlanningError("no plan: the search was stopped")
     if way is None:
+        which = "the goal" if len(goals) == 1 else f"any of {len(goals)} goals"
         raise PlanningError(
-            "no plan in time: RRT-Connect found no way from the start to any of "
-            f"{len(goals)} goals; a longer time_limit or a smaller padding may help"
+            "no plan in time: RRT-Connect found no way from the start to "
+            f"{which}; a longer time_limit or a smaller padding may help"
         )
     return way
 
