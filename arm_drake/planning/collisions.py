@@ -339,7 +339,7 @@ class CollisionModel:
                 smallest = min(smallest, float(distances.min()))
         nearest = smallest + self._checker_padding
         around = (each.clearance(path, smallest) for each in self._around(smallest))
-        return min([influence, nearest, *around])
+        return min([nearest, *around])
 
     def describe(self, x: np.ndarray) -> list[str]:
         """Return what collides at values of the planned joints, in words."""

@@ -154,8 +154,7 @@ def solve_ik(
         mask: What of the pose counts: x, y, z in the world, and turns about the x, y
             and z axis of the link. `(1, 1, 1, 1, 1, 0)` lets the link turn about its z
             axis: what an arm of five joints can do. `(1, 1, 1, 0, 0, 0)` is a position.
-            None is all, or the position where the `kinematics.yaml` beside the SRDF has
-            `position_only_ik` for the group that is named.
+            None is that with `position_only_ik` in `kinematics.yaml`, else all.
         collision_free: Whether the robot may not touch itself.
         all_solutions: Whether to look for the other solutions, too.
 
@@ -175,7 +174,6 @@ def solve_ik(
     found, best = _search(chain, q, target, all_solutions, is_free, tries)
     if not found:
         raise _no_solution(robot, chain, target, best, q)
-    found.sort(key=lambda each: float(np.linalg.norm(each.end.values - q[chain.at])))
     first = found[0]
     positions = [kinematics.named(chain.spread(q, f.end.values)) for f in found]
     return IkSolution(
@@ -542,7 +540,7 @@ def _search(
     is_free: Callable[[np.ndarray], bool] | None,
     most: int,
 ) -> tuple[list[_Found], _End]:
-    """Return solutions, and the best end of a try."""
+    """Return solutions, the nearest to q first, and the best end of a try."""
     found: list[_Found] = []
     best: _End | None = None
     starts = chain.starts(q, target, most)
@@ -560,6 +558,7 @@ def _search(
         if not finds_all:
             break
     assert best is not None
+    found.sort(key=lambda each: float(np.linalg.norm(each.end.values - q[chain.at])))
     return found, best
 
 

@@ -297,7 +297,7 @@ def _solve(problem: "_Problem", targets: Sequence[Target]) -> Plan:
         trajectory=_message(problem.group.joints, samples),
         path=np.vstack([legs[0].path[:1], *(leg.path[1:] for leg in legs)]),
         duration=float(samples.t[-1]),
-        clearance=problem.model.clearance(samples.q[::every], _FAR),
+        clearance=min(_FAR, problem.model.clearance(samples.q[::every], _FAR)),
         group=problem.group,
         controller=find_controller(problem.robot, problem.group),
         planning_time=time.monotonic() - began,
@@ -438,31 +438,21 @@ class _Problem(NamedTuple):
 def _plan_leg(problem: _Problem, start: np.ndarray, target: Target) -> _Leg:
     """Return the way to one goal."""
     if problem.options.straight:
-        path, at = _straight_path(problem, start, target), None
-        for samples, keeps in problem.time(path):
-            if problem.has_jerk_limits and deviation(path, samples.q) > _OFF_LINE:
-                continue
-            at = problem.first_fault(samples.q)
-            if at is None:
-                return _Leg(path, samples, keeps)
-        if at is None:
-            raise PlanningError(
-                "the straight line can't be kept within the joints' limits of jerk; a "
-                "smaller velocity_scaling may help"
-            )
-        part = float(samples.t[at] / samples.t[-1])
-        after = samples.q[at : at + 2]
-        where = [words for x in after for words in problem.describe(x)]
-        raise PlanningError(
-            f"the straight line is free for {100 * part:.0f} % of its time; then "
-            f"{', '.join(where[:3]) or 'links come too close'}",
-            fraction=part,
-        )
+        return _plan_line(problem, start, target)
     goals = _find_goals(problem, start, target)
     deadline = time.monotonic() + problem.options.time_limit
+    path = np.array([start])
     for number, coarser in enumerate(_COARSER):
         step = coarser * problem.model.fine_step
-        path = _find_path(problem, start, goals, step, deadline, number)
+        is_finer = number > 0 and coarser < _COARSER[number - 1]
+        # What of the last way is free with finer steps, too, is kept.
+        edges = [(x, [y]) for x, y in itertools.pairwise(path)]
+        pieces = edges if is_finer else [(start, goals)]
+        found = [
+            _find_path(problem, begin, ends, step, deadline, number)
+            for begin, ends in pieces
+        ]
+        path = np.vstack([found[0][:1], *(piece[1:] for piece in found)])
         for samples, keeps in problem.time(path):
             if problem.first_fault(samples.q) is None:
                 return _Leg(path, samples, keeps)
@@ -470,6 +460,30 @@ def _plan_leg(problem: _Problem, start: np.ndarray, target: Target) -> _Leg:
     raise PlanningError(
         f"no plan: each of {len(_COARSER)} ways that were found comes closer than the "
         f"padding{tilts} between the search's checks; a larger padding may help"
+    )
+
+
+def _plan_line(problem: _Problem, start: np.ndarray, target: Target) -> _Leg:
+    """Return the way to one goal on a straight line."""
+    path, at = _straight_path(problem, start, target), None
+    for samples, keeps in problem.time(path):
+        if problem.has_jerk_limits and deviation(path, samples.q) > _OFF_LINE:
+            continue
+        at = problem.first_fault(samples.q)
+        if at is None:
+            return _Leg(path, samples, keeps)
+    if at is None:
+        raise PlanningError(
+            "the straight line can't be kept within the joints' limits of jerk; a "
+            "smaller velocity_scaling may help"
+        )
+    part = float(samples.t[at] / samples.t[-1])
+    after = samples.q[at : at + 2]
+    where = [words for x in after for words in problem.describe(x)]
+    raise PlanningError(
+        f"the straight line is free for {100 * part:.0f} % of its time; then "
+        f"{', '.join(where[:3]) or 'links come too close'}",
+        fraction=part,
     )
 
 
