@@ -1,6 +1,7 @@
 """What holds for all tests."""
 
 import signal
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,15 @@ def pytest_configure() -> None:
     # and with them all processes that they start and interrupt.
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def tests_that_find_no_packages_of_others(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    # The search for packages ends at the folder of temporary files: of each test's own
+    # folder those of others are siblings, with robots of the same names.
+    tempfile.tempdir = str(tmp_path_factory.getbasetemp())
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

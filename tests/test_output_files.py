@@ -63,7 +63,8 @@ def test_a_file_in_a_missing_folder_is_refused(tmp_path):
     with pytest.raises(OutputError) as caught:
         check_writable(file)
 
-    assert str(caught.value) == f"{file}: can't be written: No such file or directory"
+    folder = f"the folder '{file.parent}' doesn't exist"
+    assert str(caught.value) == f"{file}: can't be written: {folder}"
 
 
 def test_a_failure_to_write_names_the_file(tmp_path):

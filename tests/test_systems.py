@@ -154,13 +154,18 @@ def parse(module: str) -> ast.Module:
 
 
 def system_classes() -> list[type[LeafSystem]]:
-    """Return every LeafSystem that the package defines and that can be made."""
+    """Return every LeafSystem that the package defines and that can be made.
+
+    A plant that only tells what a world consists of becomes part of no diagram.
+    """
     for info in pkgutil.walk_packages(arm_drake.__path__, "arm_drake."):
         if not info.name.endswith("__main__"):
             importlib.import_module(info.name)
     waiting, found = [LeafSystem], {}
     while waiting:
         for system in waiting.pop().__subclasses__():
+            if system is MultibodyPlant:
+                continue
             waiting.append(system)
             is_abstract = any(
                 getattr(method, "__isabstractmethod__", False)

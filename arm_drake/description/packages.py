@@ -420,11 +420,12 @@ class PackageFinder:
         owners = [i for i, p in enumerate(parents) if os.path.isfile(p / "package.xml")]
         self._own = parents[owners[0]] if owners else None
         del parents[(owners[0] if owners else 1) + _WORKSPACE_HEIGHT :]
-        # An entry file in the home folder must not start a walk through all of it.
-        home = _home()
+        # An entry file in the home folder must not start a walk through all of it, nor
+        # one among temporary files through those of everybody.
+        ends = _home(), Path(tempfile.gettempdir()).resolve()
         self._ancestors = list(
             itertools.takewhile(
-                lambda folder: folder not in (folder.parent, home), parents
+                lambda folder: folder not in (folder.parent, *ends), parents
             )
         )
         self.package_paths = tuple(path.absolute() for path in package_paths)

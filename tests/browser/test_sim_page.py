@@ -728,6 +728,39 @@ def test_a_plot_is_drawn_zoomed_saved_and_cleared(
     assert page.locator("#scene").bounding_box()["height"] == height
 
 
+def test_on_a_phone_the_panel_leaves_the_scene_alone(
+    program: Live, browser: Browser
+) -> None:
+    size = ViewportSize(width=390, height=844)
+    phone = {"viewport": size, "has_touch": True, "is_mobile": True}
+    with look_at(browser, program.page.url, **phone) as screen:
+        page = screen.page
+        page.locator("#unfold").tap()
+        scene, panel = (page.locator(id).bounding_box() for id in ("#scene", "#panel"))
+        sizes = page.evaluate(
+            "() => [...document.querySelectorAll('details[open] button, details[open] "
+            "input:not([type=checkbox])')].map((e) => e.getBoundingClientRect().height)"
+        )
+        width = page.evaluate("() => document.documentElement.scrollWidth")
+
+    assert scene is not None
+    assert panel is not None
+    assert scene["y"] + scene["height"] <= panel["y"] + 0.5
+    assert scene["width"] == panel["width"] == width == 390.0
+    assert panel["y"] + panel["height"] == pytest.approx(844.0, abs=0.5)
+    assert min(sizes) >= 36.0  # Of what a finger should hit.
+
+
+def test_the_program_ends_by_a_second_click(program: Live, screen: Screen) -> None:
+    screen.click("end")
+
+    screen.until(lambda: screen.text("end") == "end it?", "a question")
+    assert not program.ask(lambda: program.subject.is_ended)
+    # It isn't for ever.
+    screen.until(lambda: screen.text("end") == "end", "no question")
+    assert not program.ask(lambda: program.subject.is_ended)
+
+
 @pytest.fixture(scope="module")
 def cart(
     program_thread: concurrent.futures.ThreadPoolExecutor,
@@ -818,36 +851,3 @@ def test_a_base_drives_by_its_slider_and_stops(cart: Live, cart_screen: Screen) 
 
     screen.until(lambda: screen.number(f"remote:{name}:forward") == 0.0, "0 m/s")
     screen.until(stands, "it stands")
-
-
-def test_on_a_phone_the_panel_leaves_the_scene_alone(
-    program: Live, browser: Browser
-) -> None:
-    size = ViewportSize(width=390, height=844)
-    phone = {"viewport": size, "has_touch": True, "is_mobile": True}
-    with look_at(browser, program.page.url, **phone) as screen:
-        page = screen.page
-        page.locator("#unfold").tap()
-        scene, panel = (page.locator(id).bounding_box() for id in ("#scene", "#panel"))
-        sizes = page.evaluate(
-            "() => [...document.querySelectorAll('details[open] button, details[open] "
-            "input:not([type=checkbox])')].map((e) => e.getBoundingClientRect().height)"
-        )
-        width = page.evaluate("() => document.documentElement.scrollWidth")
-
-    assert scene is not None
-    assert panel is not None
-    assert scene["y"] + scene["height"] <= panel["y"] + 0.5
-    assert scene["width"] == panel["width"] == width == 390.0
-    assert panel["y"] + panel["height"] == pytest.approx(844.0, abs=0.5)
-    assert min(sizes) >= 36.0  # Of what a finger should hit.
-
-
-def test_the_program_ends_by_a_second_click(program: Live, screen: Screen) -> None:
-    screen.click("end")
-
-    screen.until(lambda: screen.text("end") == "end it?", "a question")
-    assert not program.ask(lambda: program.subject.is_ended)
-    # It isn't for ever.
-    screen.until(lambda: screen.text("end") == "end", "no question")
-    assert not program.ask(lambda: program.subject.is_ended)

@@ -127,7 +127,7 @@ def test_without_ros2_control_the_simulated_hardware_is_drawn(run, tmp_path):
             "graph.jpg",
             "unknown type '.jpg' of a graph; expected one of .svg, .png, .pdf, .dot",
         ),
-        ("missing/graph.svg", "can't be written: No such file or directory"),
+        ("missing/graph.svg", "can't be written: the folder {folder!r} doesn't exist"),
     ],
 )
 def test_a_graph_that_cannot_be_written_is_said_at_once(run, tmp_path, output, message):
@@ -136,6 +136,7 @@ def test_a_graph_that_cannot_be_written_is_said_at_once(run, tmp_path, output, m
     # The robot isn't loaded for it: there is none.
     code, out, err = run("no_robot", "-o", file)
 
+    message = message.format(folder=str(file.parent))
     assert (code, out, err) == (2, "", f"arm-drake: {file}: {message}\n")
 
 

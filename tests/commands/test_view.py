@@ -90,7 +90,7 @@ def test_positions_that_cannot_be_are_said(tmp_path, words, message):
     ("name", "message"),
     [
         ("robot.jpg", "unknown type '.jpg' of a screenshot; expected .png"),
-        ("missing/robot.png", "can't be written: No such file or directory"),
+        ("missing/robot.png", "can't be written: the folder {folder!r} doesn't exist"),
     ],
 )
 def test_a_picture_that_cannot_be_written_is_said_at_once(run, tmp_path, name, message):
@@ -99,6 +99,7 @@ def test_a_picture_that_cannot_be_written_is_said_at_once(run, tmp_path, name, m
     # The robot isn't loaded for it: there is none.
     code, out, err = run("no_robot", "--screenshot", file)
 
+    message = message.format(folder=str(file.parent))
     assert (code, out, err) == (2, "", f"arm-drake: {file}: {message}\n")
 
 

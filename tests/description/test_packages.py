@@ -211,8 +211,13 @@ def test_the_search_doesnt_follow_links(tmp_path):
     assert PackageFinder(entry_of(package)).find("arm") == package
 
 
-def test_the_search_stops_at_the_home_folder(tmp_path, monkeypatch):
-    monkeypatch.setattr(Path, "home", lambda: tmp_path)
+@pytest.mark.parametrize(
+    "end", ["pathlib.Path.home", "arm_drake.description.packages.tempfile.gettempdir"]
+)
+def test_the_search_stops_at_the_folders_of_home_and_of_temporary_files(
+    tmp_path, monkeypatch, end
+):
+    monkeypatch.setattr(end, lambda: tmp_path)
     package = add_package(tmp_path / "arm")
     add_package(tmp_path / "meshes")
     finder = PackageFinder(entry_of(package))
@@ -326,7 +331,8 @@ print(report)
 def as_nobody():
     """Return a function: entry, package -> what a user without rights is told."""
     # The folder of pytest is for its own user.
-    folder = Path(tempfile.mkdtemp())
+    where = os.environ.get("TMPDIR", "/tmp")  # noqa: S108  pytest's is below it.
+    folder = Path(tempfile.mkdtemp(dir=where))
     folder.chmod(0o755)
 
     def run(entry: Path, name: str) -> list[str]:

@@ -278,8 +278,8 @@ def test_an_axis_of_zero_is_refused(tmp_path: Path) -> None:
         models.load(tmp_path, models.pendulum().replace("0 1 0", "0 0 0"))
 
     assert str(caught.value) == (
-        f"{tmp_path / 'robot.urdf'}: joint 'swing': <axis xyz>: expected a direction, "
-        "got zeros"
+        f"{tmp_path / 'robot.urdf'}:9: joint 'swing': <axis xyz>: "
+        "expected a direction, got zeros"
     )
 
 

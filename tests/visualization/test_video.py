@@ -55,7 +55,8 @@ def test_a_folder_that_does_not_exist_is_named(tmp_path: Path) -> None:
     with pytest.raises(OutputError) as caught:
         save_video(None, file)
 
-    assert str(caught.value) == f"{file}: can't be written: No such file or directory"
+    folder = f"the folder '{file.parent}' doesn't exist"
+    assert str(caught.value) == f"{file}: can't be written: {folder}"
 
 
 @pytest.mark.parametrize(
