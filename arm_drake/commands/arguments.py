@@ -522,8 +522,9 @@ def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
         help="how far a link may tilt from where it is at the start [rad]",
     )
     add("--world", metavar="NAME|FILE", default="empty", help="as for sim (empty)")
-    add("--velocity-scaling", metavar="S", type=positive, default=1.0, help="up to 1")
-    add("--acceleration-scaling", metavar="S", type=positive, default=1.0, help="too")
+    scaling = "up to 1 (that of joint_limits.yaml, else 1)"
+    add("--velocity-scaling", metavar="S", type=positive, help=scaling)
+    add("--acceleration-scaling", metavar="S", type=positive, help="the same")
     add(
         "--padding",
         metavar="M",

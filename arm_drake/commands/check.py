@@ -9,8 +9,10 @@ from arm_drake.description.report import LoadReport, ReportEntry
 from arm_drake.description.robot import Robot
 from arm_drake.description.urdf import reach, total_mass
 from arm_drake.diagram import build_diagram
-from arm_drake.errors import counted
+from arm_drake.errors import InputError, counted
 from arm_drake.hardware.drive_report import SERVO
+from arm_drake.planning.groups import planning_groups
+from arm_drake.planning.timing import motion_limits
 from arm_drake.simulation.simulation import Simulation
 
 # Exit codes.
@@ -22,6 +24,7 @@ def check(robot: Robot, *, strict: bool, as_json: bool) -> int:
 
     It is 1 for anything reported about the files if `strict`.
     """
+    _read_moveit_files(robot)
     simulation = Simulation(build_diagram(robot))
     controllers = simulation.list_controllers()
     report, servo = _split(simulation.report)
@@ -47,6 +50,22 @@ def check(robot: Robot, *, strict: bool, as_json: bool) -> int:
     }
     print(json.dumps(content) if as_json else _text(content, report))
     return _BAD if report.errors or (strict and len(report)) else _CLEAN
+
+
+def _read_moveit_files(robot: Robot) -> None:
+    """Read what plans would, so that the report says what of it counts."""
+    try:
+        planning_groups(robot)
+        motion_limits(robot)
+    except InputError as error:
+        robot.report.add(
+            "error",
+            "invalid",
+            error.problem,
+            "nothing can be planned",
+            file=error.file,
+            line=error.line,
+        )
 
 
 def _split(report: LoadReport) -> tuple[LoadReport, LoadReport]:

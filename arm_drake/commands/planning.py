@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import math
 import shlex
 import sys
 from collections.abc import Callable, Sequence
@@ -41,7 +42,7 @@ def run_ik(options: argparse.Namespace, robot: Robot) -> int:
         pose,
         seed=read_positions("--seed", options.seed),
         group=group,
-        mask=mask,
+        mask=None if mask == WHOLE_POSE else mask,
         all_solutions=options.all,
     )
     solutions = [solution.positions, *solution.others]
@@ -173,10 +174,11 @@ def read_pose(
 ) -> tuple[Sequence[float], tuple[bool, ...]]:
     """Return a pose in words, and what of it counts: its position, or all of it."""
     numbers = [parse_float(word) for word in text.split(",")]
-    values = [number for number in numbers if number is not None]
+    values = [n for n in numbers if n is not None and math.isfinite(n)]
     if len(values) != len(numbers) or len(values) not in (3, 6):
         raise InputError(
-            f"{option} {text}: expected X,Y,Z [m] or X,Y,Z,R,P,Y [m, rad] with commas"
+            f"{option} {text}: expected finite numbers X,Y,Z [m] or X,Y,Z,R,P,Y [m, "
+            "rad] with commas"
         )
     if len(values) == 3:
         return [*values, 0.0, 0.0, 0.0], (*WHOLE_POSE[:3], False, False, False)

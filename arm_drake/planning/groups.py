@@ -23,6 +23,9 @@ ARM, GRIPPER = "arm", "gripper"
 
 _KINEMATICS_FILE = "kinematics.yaml"
 
+# What of a group's parameters there has an effect.
+_POSITION_ONLY = "position_only_ik"
+
 _TRAJECTORY_CONTROLLER = "joint_trajectory_controller/JointTrajectoryController"
 
 
@@ -103,14 +106,35 @@ def _find_groups(robot: Robot) -> dict[str, PlanningGroup]:
 
 
 def _find_position_only(robot: Robot) -> set[str]:
-    """Return the groups for which a `kinematics.yaml` has `position_only_ik`."""
+    """Return the groups for which a `kinematics.yaml` has `position_only_ik`.
+
+    Other parameters are those of MoveIt's solvers: they are reported.
+    """
     found = set()
     for file in find_srdf_files(robot):
         content = load_beside(file, _KINEMATICS_FILE)
         for name, row in content.items():
-            if isinstance(row, dict) and row.get("position_only_ik") is True:
+            if not isinstance(row, dict):
+                continue
+            if row.get(_POSITION_ONLY) is True:
                 found.add(str(name))
+            report_ignored(
+                robot,
+                file.parent / _KINEMATICS_FILE,
+                f"group {name!r}",
+                [key for key in row if key != _POSITION_ONLY],
+            )
     return found
+
+
+def report_ignored(
+    robot: Robot, file: Path, where: str, keys: Collection[object]
+) -> None:
+    """Say in a robot's load report which keys of MoveIt's files have no effect."""
+    if keys:
+        what = f"parameters {quoted(sorted(map(str, keys)))}"
+        done = "they have no effect on plans"
+        robot.report.add("info", "ignored", what, done, where=where, file=file)
 
 
 def load_beside(file: Path, name: str) -> dict[str, Any]:

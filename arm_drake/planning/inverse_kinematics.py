@@ -20,7 +20,7 @@ from pydrake.multibody.tree import Frame, JacobianWrtVariable
 from arm_drake.description.joints import joints_above, last_master
 from arm_drake.description.robot import Robot
 from arm_drake.errors import ArmDrakeError, InputError, counted, quoted, suggest
-from arm_drake.planning.groups import find_group
+from arm_drake.planning.groups import PlanningGroup, find_group
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.plant import transform_of, trial_plant
 
@@ -131,7 +131,7 @@ def solve_ik(
     seed: Mapping[str, float] | None = None,
     group: str | Collection[str] | None = None,
     tolerance: tuple[float, float] = TOLERANCE,
-    mask: Sequence[bool] = WHOLE_POSE,
+    mask: Sequence[bool] | None = None,
     collision_free: bool = False,
     all_solutions: bool = False,
 ) -> IkSolution:
@@ -154,6 +154,7 @@ def solve_ik(
         mask: What of the pose counts: x, y, z in the world, and turns about the x, y
             and z axis of the link. `(1, 1, 1, 1, 1, 0)` lets the link turn about its z
             axis: what an arm of five joints can do. `(1, 1, 1, 0, 0, 0)` is a position.
+            None is that with `position_only_ik` in `kinematics.yaml`, else all.
         collision_free: Whether the robot may not touch itself.
         all_solutions: Whether to look for the other solutions, too.
 
@@ -162,9 +163,9 @@ def solve_ik(
         InputError: If an argument can't be used.
     """
     kinematics = _kinematics_of(robot)
-    target = _Target.of(read_pose(pose), mask, tolerance)
-    joints = group if group is None else find_group(robot, group).joints
-    chain = kinematics.chain(frame, joints)
+    chosen = None if group is None else find_group(robot, group)
+    target = _Target.of(read_pose(pose), find_mask(chosen, mask), tolerance)
+    chain = kinematics.chain(frame, None if chosen is None else chosen.joints)
     q = kinematics.complete(seed or {})
     is_free = _self_check(robot, chain, q) if collision_free else None
     tries = _ALL_TRIES if all_solutions else _TRIES
@@ -173,7 +174,6 @@ def solve_ik(
     found, best = _search(chain, q, target, all_solutions, is_free, tries)
     if not found:
         raise _no_solution(robot, chain, target, best, q)
-    found.sort(key=lambda each: float(np.linalg.norm(each.end.values - q[chain.at])))
     first = found[0]
     positions = [kinematics.named(chain.spread(q, f.end.values)) for f in found]
     return IkSolution(
@@ -183,6 +183,16 @@ def solve_ik(
         orientation_error=first.end.orientation_error,
         others=tuple(positions[1:]),
     )
+
+
+def find_mask(
+    group: PlanningGroup | None, mask: Sequence[bool] | None
+) -> Sequence[bool]:
+    """Return what of a pose counts for a group unless it is said."""
+    if mask is not None:
+        return mask
+    is_position_only = group is not None and group.is_position_only
+    return POSITION if is_position_only else WHOLE_POSE
 
 
 def complete_positions(
@@ -530,7 +540,7 @@ def _search(
     is_free: Callable[[np.ndarray], bool] | None,
     most: int,
 ) -> tuple[list[_Found], _End]:
-    """Return solutions, and the best end of a try."""
+    """Return solutions, the nearest to q first, and the best end of a try."""
     found: list[_Found] = []
     best: _End | None = None
     starts = chain.starts(q, target, most)
@@ -548,6 +558,7 @@ def _search(
         if not finds_all:
             break
     assert best is not None
+    found.sort(key=lambda each: float(np.linalg.norm(each.end.values - q[chain.at])))
     return found, best
 
 
@@ -702,6 +713,10 @@ def read_pose(pose: RigidTransform | Sequence[float]) -> RigidTransform:
     return transform_of((x, y, z, roll, pitch, yaw))
 
 
+def _in_words(length: float) -> str:
+    return f"{length:.3g} m" if length >= 1.0 else f"{1e3 * length:.3g} mm"
+
+
 def _no_solution(
     robot: Robot, chain: _Chain, target: _Target, best: _End, q: np.ndarray
 ) -> NoSolution:
@@ -713,7 +728,7 @@ def _no_solution(
     limits = chain.at_limits(best.values)
     message = (
         f"no joint positions put {chain.frame!r} there; the best miss it by "
-        f"{best.position_error * 1e3:.3g} mm and {best.orientation_error:.3g} rad"
+        f"{_in_words(best.position_error)} and {best.orientation_error:.3g} rad"
     )
     if target.is_met(best):
         message = f"the robot touches itself wherever {chain.frame!r} is there"

@@ -37,9 +37,8 @@ from arm_drake.planning.groups import (
     find_state,
 )
 from arm_drake.planning.inverse_kinematics import (
-    POSITION,
-    WHOLE_POSE,
     complete_positions,
+    find_mask,
     follow_line,
     forward_kinematics,
     pose_error,
@@ -58,6 +57,7 @@ from arm_drake.planning.surroundings import PlacedShape
 from arm_drake.planning.timing import (
     Mover,
     Samples,
+    default_scaling,
     deviation,
     motion_limits,
     time_path,
@@ -77,8 +77,10 @@ _PLOT, _ANIMATE = "arm_drake.visualization.plots", "arm_drake.notebook"
 # A pose is a transform, or x, y, z [m], roll, pitch, yaw [rad].
 Target: TypeAlias = str | Mapping[str, float] | RigidTransform | Sequence[float]
 
-# The search's steps, in those of the last check; one after the other.
-_COARSER = (10.0, 3.0, 1.0)
+# The search's steps, in those of the last check; one after the other. What is free at
+# the last check's steps comes closer than the padding between them at times: then it is
+# another way that is looked for.
+_COARSER = (10.0, 3.0, 1.0, 1.0, 1.0, 1.0)
 
 # How far from a corner a path leaves its lines, in units of the path's parameter: the
 # time that a joint needs at full speed [s].
@@ -118,8 +120,8 @@ class Plan:
     # [s].
     duration: float
 
-    # Smallest distance of what moves to anything else on the way [m], at points of the
-    # trajectory; 0.3 m where it is further.
+    # How near what moves comes to anything else on the way [m], at up to 80 points of
+    # the trajectory. It isn't looked for beyond 0.3 m: that means 0.3 m or more.
     clearance: float
 
     # The group that moves.
@@ -295,7 +297,7 @@ def _solve(problem: "_Problem", targets: Sequence[Target]) -> Plan:
         trajectory=_message(problem.group.joints, samples),
         path=np.vstack([legs[0].path[:1], *(leg.path[1:] for leg in legs)]),
         duration=float(samples.t[-1]),
-        clearance=problem.model.clearance(samples.q[::every], _FAR),
+        clearance=min(_FAR, problem.model.clearance(samples.q[::every], _FAR)),
         group=problem.group,
         controller=find_controller(problem.robot, problem.group),
         planning_time=time.monotonic() - began,
@@ -364,9 +366,7 @@ class _Problem(NamedTuple):
     @property
     def mask(self) -> Sequence[bool]:
         """What of poses counts."""
-        if self.options.mask is not None:
-            return self.options.mask
-        return POSITION if self.group.is_position_only else WHOLE_POSE
+        return find_mask(self.group, self.options.mask)
 
     @property
     def has_jerk_limits(self) -> bool:
@@ -377,10 +377,15 @@ class _Problem(NamedTuple):
     def time(self, path: np.ndarray) -> Iterator[tuple[Samples, bool]]:
         """Yield motions ever nearer to a path, and whether efforts keep limits."""
         mover = Mover(self.robot, self.group.joints, self.positions, self.payloads)
-        options = self.options
-        scaling = options.velocity_scaling, options.acceleration_scaling
+        given = self.options.velocity_scaling, self.options.acceleration_scaling
+        by_default = default_scaling(self.robot)
+        velocity, acceleration = (
+            one if each is None else each
+            for each, one in zip(given, by_default, strict=True)
+        )
         slower = _WITH_JERK if self.has_jerk_limits else ((r, 1.0) for r in _ROUNDINGS)
         for rounding, stretch in slower:
+            scaling = velocity, acceleration
             found = time_path(mover, path, rounding, scaling, stretch)
             if found is None:
                 raise PlanningError(
@@ -433,31 +438,21 @@ class _Problem(NamedTuple):
 def _plan_leg(problem: _Problem, start: np.ndarray, target: Target) -> _Leg:
     """Return the way to one goal."""
     if problem.options.straight:
-        path, at = _straight_path(problem, start, target), None
-        for samples, keeps in problem.time(path):
-            if problem.has_jerk_limits and deviation(path, samples.q) > _OFF_LINE:
-                continue
-            at = problem.first_fault(samples.q)
-            if at is None:
-                return _Leg(path, samples, keeps)
-        if at is None:
-            raise PlanningError(
-                "the straight line can't be kept within the joints' limits of jerk; a "
-                "smaller velocity_scaling may help"
-            )
-        part = float(samples.t[at] / samples.t[-1])
-        after = samples.q[at : at + 2]
-        where = [words for x in after for words in problem.describe(x)]
-        raise PlanningError(
-            f"the straight line is free for {100 * part:.0f} % of its time; then "
-            f"{', '.join(where[:3]) or 'links come too close'}",
-            fraction=part,
-        )
+        return _plan_line(problem, start, target)
     goals = _find_goals(problem, start, target)
     deadline = time.monotonic() + problem.options.time_limit
+    path = np.array([start])
     for number, coarser in enumerate(_COARSER):
         step = coarser * problem.model.fine_step
-        path = _find_path(problem, start, goals, step, deadline, number)
+        is_finer = number > 0 and coarser < _COARSER[number - 1]
+        # What of the last way is free with finer steps, too, is kept.
+        edges = [(x, [y]) for x, y in itertools.pairwise(path)]
+        pieces = edges if is_finer else [(start, goals)]
+        found = [
+            _find_path(problem, begin, ends, step, deadline, number)
+            for begin, ends in pieces
+        ]
+        path = np.vstack([found[0][:1], *(piece[1:] for piece in found)])
         for samples, keeps in problem.time(path):
             if problem.first_fault(samples.q) is None:
                 return _Leg(path, samples, keeps)
@@ -465,6 +460,30 @@ def _plan_leg(problem: _Problem, start: np.ndarray, target: Target) -> _Leg:
     raise PlanningError(
         f"no plan: each of {len(_COARSER)} ways that were found comes closer than the "
         f"padding{tilts} between the search's checks; a larger padding may help"
+    )
+
+
+def _plan_line(problem: _Problem, start: np.ndarray, target: Target) -> _Leg:
+    """Return the way to one goal on a straight line."""
+    path, at = _straight_path(problem, start, target), None
+    for samples, keeps in problem.time(path):
+        if problem.has_jerk_limits and deviation(path, samples.q) > _OFF_LINE:
+            continue
+        at = problem.first_fault(samples.q)
+        if at is None:
+            return _Leg(path, samples, keeps)
+    if at is None:
+        raise PlanningError(
+            "the straight line can't be kept within the joints' limits of jerk; a "
+            "smaller velocity_scaling may help"
+        )
+    part = float(samples.t[at] / samples.t[-1])
+    after = samples.q[at : at + 2]
+    where = [words for x in after for words in problem.describe(x)]
+    raise PlanningError(
+        f"the straight line is free for {100 * part:.0f} % of its time; then "
+        f"{', '.join(where[:3]) or 'links come too close'}",
+        fraction=part,
     )
 
 
@@ -606,9 +625,10 @@ def _find_path(
     if way is None and should_stop is not None and should_stop():
         raise PlanningError("no plan: the search was stopped")
     if way is None:
+        which = "the goal" if len(goals) == 1 else f"any of {len(goals)} goals"
         raise PlanningError(
-            "no plan in time: RRT-Connect found no way from the start to any of "
-            f"{len(goals)} goals; a longer time_limit or a smaller padding may help"
+            "no plan in time: RRT-Connect found no way from the start to "
+            f"{which}; a longer time_limit or a smaller padding may help"
         )
     return way
 

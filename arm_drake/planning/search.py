@@ -20,6 +20,10 @@ _TRIES = 30
 # samples are far from where a way is. Then everything, then all of it again, longer.
 _BEYOND = 1.0, 2.0, math.inf
 
+# The largest part of all that the joints can do, by volume, that has a search of its
+# own: one in more of it finds little that the search in all of it doesn't.
+_PART = 0.1
+
 # Iterations of the first searches.
 _ITERATIONS = 1000
 
@@ -91,11 +95,10 @@ def find_way(
     util.noOutputHandler()
     util.RNG.setSeed(seed)
     ends = np.array([start, *goals])
+    boxes = _find_boxes(ends, bounds)
     for search in itertools.count():
-        again, stage = divmod(search, len(_BEYOND))
-        low = np.maximum(bounds[0], ends.min(axis=0) - _BEYOND[stage])
-        high = np.minimum(bounds[1], ends.max(axis=0) + _BEYOND[stage])
-        information = _find_information(model, (low, high), step, tilt)
+        again, stage = divmod(search, len(boxes))
+        information = _find_information(model, boxes[stage], step, tilt)
         way = _search(information, ends, is_over, _ITERATIONS << again)
         if way is not None or is_over():
             break
@@ -108,6 +111,20 @@ def find_way(
     if tilt is not None:
         way.interpolate()
     return np.array([_values(state, len(start)) for state in way.getStates()])
+
+
+def _find_boxes(
+    ends: np.ndarray, bounds: tuple[np.ndarray, np.ndarray]
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return where to search, the lower and upper ends of joints; the last is all."""
+    boxes = []
+    for beyond in _BEYOND:
+        low = np.maximum(bounds[0], ends.min(axis=0) - beyond)
+        high = np.minimum(bounds[1], ends.max(axis=0) + beyond)
+        part = np.prod((high - low) / (bounds[1] - bounds[0]))
+        if part < _PART or math.isinf(beyond):
+            boxes.append((low, high))
+    return boxes
 
 
 def _search(

@@ -95,9 +95,10 @@ class PlanOptions:
     # How far a link may tilt along the way; None is as far as it likes.
     path_constraint: OrientationConstraint | None = None
 
-    # Parts of the joints' speed and acceleration to use, above 0 and up to 1.
-    velocity_scaling: float = 1.0
-    acceleration_scaling: float = 1.0
+    # Parts of the joints' speed and acceleration to use, above 0 and up to 1; None is
+    # that of the `joint_limits.yaml` beside the SRDF, 1 where it says nothing.
+    velocity_scaling: float | None = None
+    acceleration_scaling: float | None = None
 
     # Distance that counts as a collision [m].
     padding: float = 0.005
@@ -113,16 +114,13 @@ class PlanOptions:
 
     def __post_init__(self) -> None:
         """Raise InputError for what can't be."""
-        for name in (
-            "velocity_scaling",
-            "acceleration_scaling",
-            "padding",
-            "time_limit",
-        ):
+        scalings = "velocity_scaling", "acceleration_scaling"
+        given = [name for name in scalings if getattr(self, name) is not None]
+        for name in (*given, "padding", "time_limit"):
             value = getattr(self, name)
             if not isinstance(value, int | float):
                 raise InputError(f"{name}: expected a number, got {value!r}")
-        for name in ("velocity_scaling", "acceleration_scaling"):
+        for name in given:
             value = getattr(self, name)
             if not 0.0 < value <= 1.0:
                 raise InputError(

@@ -7,7 +7,10 @@ motion is averaged over a window of time: its speeds and accelerations then are 
 what they were, so they keep their limits, and its jerk is the difference of two
 accelerations by the window (Biagiotti, Melchiorri: FIR filters for online trajectory
 planning with time- and frequency-domain specifications, 2012). It takes longer by the
-window, and leaves the path by no more than acceleration times its square by 24.
+window, and leaves the path by no more than acceleration times its square by 24. So less
+acceleration than is allowed may be faster, and nearer to the path: a part s of it takes
+about s^-1/2 of the time, and the window s times as long, which is shortest together for
+s^3/2 = time / (2 window).
 """
 
 import itertools
@@ -24,7 +27,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from arm_drake.description.joints import last_master
 from arm_drake.description.robot import Robot
 from arm_drake.description.srdf import find_srdf_files
-from arm_drake.planning.groups import load_beside
+from arm_drake.planning.groups import load_beside, report_ignored
 from arm_drake.plant.drake_log import drake_messages
 from arm_drake.plant.payloads import Payload
 from arm_drake.plant.plant import make_reduced_plant, trial_plant
@@ -34,6 +37,14 @@ from arm_drake.plant.plant import make_reduced_plant, trial_plant
 _SPEED, _TIME_TO_SPEED = 1.0, 1.0
 
 _LIMITS_FILE = "joint_limits.yaml"
+
+# What of it counts: for all joints, and for one.
+_SCALING = "default_velocity_scaling_factor", "default_acceleration_scaling_factor"
+_KEYS = [
+    key
+    for what in ("velocity", "acceleration", "jerk")
+    for key in (f"has_{what}_limits", f"max_{what}")
+]
 
 # Time between points of a trajectory [s].
 _PERIOD = 0.02
@@ -61,9 +72,16 @@ class MotionLimits(NamedTuple):
     jerk: float = math.inf
 
 
-_limits: "weakref.WeakKeyDictionary[Robot, dict[str, MotionLimits]]" = (
-    weakref.WeakKeyDictionary()
-)
+class _Limits(NamedTuple):
+    """What a robot's `joint_limits.yaml` and description say."""
+
+    joints: dict[str, MotionLimits]
+
+    # Parts of the joints' speed and acceleration that plans use unless told otherwise.
+    scaling: tuple[float, float]
+
+
+_limits: "weakref.WeakKeyDictionary[Robot, _Limits]" = weakref.WeakKeyDictionary()
 
 
 def motion_limits(robot: Robot) -> dict[str, MotionLimits]:
@@ -72,17 +90,49 @@ def motion_limits(robot: Robot) -> dict[str, MotionLimits]:
     Raises:
         InputError: If a `joint_limits.yaml` can't be read.
     """
+    return dict(_find_limits(robot).joints)
+
+
+def default_scaling(robot: Robot) -> tuple[float, float]:
+    """Return the parts of the joints' speed and acceleration to use, by default.
+
+    They are MoveIt's `default_velocity_scaling_factor` and the one of acceleration.
+
+    Raises:
+        InputError: If a `joint_limits.yaml` can't be read.
+    """
+    return _find_limits(robot).scaling
+
+
+def _find_limits(robot: Robot) -> _Limits:
     if robot not in _limits:
         _limits[robot] = _read_limits(robot)
-    return dict(_limits[robot])
+    return _limits[robot]
 
 
-def _read_limits(robot: Robot) -> dict[str, MotionLimits]:
+def _read_limits(robot: Robot) -> _Limits:
+    """Read what is said; of several files the last one that says it counts."""
     rows: dict[str, Mapping[str, Any]] = {}
+    scaling = dict.fromkeys(_SCALING, 1.0)
     for file in find_srdf_files(robot):
-        limits = load_beside(file, _LIMITS_FILE).get("joint_limits")
-        if isinstance(limits, dict):
-            rows |= {k: row for k, row in limits.items() if isinstance(row, dict)}
+        content = load_beside(file, _LIMITS_FILE)
+        path = file.parent / _LIMITS_FILE
+        named = content.get("joint_limits")
+        if isinstance(named, dict):
+            rows |= {k: row for k, row in named.items() if isinstance(row, dict)}
+        for name in set(scaling) & set(content):
+            value = content[name]
+            if isinstance(value, int | float) and 0.0 < value <= 1.0:
+                scaling[name] = float(value)
+                continue
+            what = f"expected a number above 0, at most 1, got {value!r}"
+            robot.report.add(
+                "warning", "invalid", what, "it is 1", where=name, file=path
+            )
+        for name, row in rows.items():
+            # A flag that isn't set says nothing.
+            ignored = [key for key in row if key not in _KEYS and row[key] is not False]
+            report_ignored(robot, path, f"joint {name!r}", ignored)
     limits = {}
     for joint in robot.description.movable_joints:
         row = rows.get(joint.name, {})
@@ -90,7 +140,8 @@ def _read_limits(robot: Robot) -> dict[str, MotionLimits]:
         acceleration = _limit(row, "acceleration") or velocity / _TIME_TO_SPEED
         jerk = _limit(row, "jerk") or math.inf
         limits[joint.name] = MotionLimits(velocity, acceleration, jerk)
-    return limits
+    velocity_factor, acceleration_factor = (scaling[name] for name in _SCALING)
+    return _Limits(limits, (velocity_factor, acceleration_factor))
 
 
 def _limit(row: Mapping[str, Any], what: str) -> float | None:
@@ -156,8 +207,12 @@ def time_path(
     found = _parametrize(mover, curve, v, a)
     if found is None:
         return None
+    samples = _sample(curve, found[0], _PERIOD)
+    part = (samples.t[-1] / (2.0 * _window(samples, jerk))) ** (2.0 / 3.0)
+    if np.isfinite(jerk).any() and part < 1.0:
+        found = _parametrize(mover, curve, v, part * a) or found
+        samples = _sample(curve, found[0], _PERIOD)
     times, keeps = found
-    samples = _sample(curve, times, _PERIOD)
     slower = stretch * max(
         1.0,
         float(np.max(np.abs(samples.v) / v)),
@@ -189,6 +244,14 @@ def _slow_down(samples: Samples, factor: float) -> Samples:
     return Samples(t * factor, q, v / factor, a / factor**2)
 
 
+def _window(samples: Samples, jerk: np.ndarray) -> float:
+    """Return the time over which a motion is averaged for its limits of jerk [s]."""
+    a = samples.a
+    changes = np.maximum(a.max(axis=0), 0.0) - np.minimum(a.min(axis=0), 0.0)
+    # No shorter than between points: the quintics there would exceed accelerations.
+    return max(float(np.max(changes / jerk)) / _MARGIN, _PERIOD)
+
+
 def _average(samples: Samples, jerk: np.ndarray) -> Samples:
     """Return the means of a motion over a window of time that keep limits of jerk.
 
@@ -196,10 +259,8 @@ def _average(samples: Samples, jerk: np.ndarray) -> Samples:
         samples: The motion, at points that are close to each other.
         jerk: Limits of the joints [rad/s^3] or [m/s^3], shape (n,).
     """
-    t, q, v, a = samples
-    changes = np.maximum(a.max(axis=0), 0.0) - np.minimum(a.min(axis=0), 0.0)
-    # No shorter than between points: the quintics there would exceed accelerations.
-    window = max(float(np.max(changes / jerk)) / _MARGIN, _PERIOD)
+    t, q, v, _ = samples
+    window = _window(samples, jerk)
     end = t[-1] + window
     at = np.linspace(0.0, end, max(2, math.ceil(end / _PERIOD) + 1))
     # The integral of cubics that have the positions and velocities, exactly.

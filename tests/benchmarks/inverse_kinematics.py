@@ -2,19 +2,26 @@
 
 Poses are those of uniform joint positions within the limits, judged by Drake's forward
 kinematics and, where it is installed, by pinocchio: within 1e-4 m and 1e-3 rad, and
-within the limits. The seed is the middle of the ranges. Times are the processor's. The
-table of random poses is made before the clock starts: once a robot and link.
+within the limits. The seed is the middle of the ranges. Times are the processor's, of
+all threads. The table of random poses is made before the clock starts: once a robot and
+link. TRAC-IK (`pytracik`) is asked for the same poses where it is installed, but not
+for parts of a pose, which it can't; its limit is one of wall time.
 
     python -m tests.benchmarks.inverse_kinematics [--poses 1000] [--robots NAME ...]
 """
 
 import argparse
+import contextlib
 import math
 import sys
+import tempfile
 import time
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
+from pydrake.math import RigidTransform
 
 import arm_drake as ad
 from arm_drake.description.joints import joints_above
@@ -37,6 +44,9 @@ ROBOTS: dict[str, tuple[str, tuple[bool, ...]]] = {
     "so100_brukg": ("Fixed_Gripper", POINTING),
     "open_manipulator_x": ("end_effector_link", POINTING),
 }
+
+# How long TRAC-IK may take [s]: 20 times what is its default.
+TRAC_IK_LIMIT = 0.1
 
 # What a judge lets pass [m], [rad].
 NEAR, ALIGNED = 1e-4, 1e-3
@@ -86,47 +96,88 @@ def misses(target: Any, R: np.ndarray, p: np.ndarray, mask: tuple[bool, ...]) ->
     return bool(is_far or cosine < math.cos(ALIGNED))
 
 
-def measure(name: str, frame: str, mask: tuple[bool, ...], poses: int) -> str:
-    """Return a robot's line."""
+Solve: TypeAlias = Callable[[RigidTransform], Mapping[str, float] | None]
+
+
+def make_trac_ik(robot: ad.Robot, frame: str, seed: Mapping[str, float]) -> Solve:
+    """Return what has TRAC-IK solve; raise ImportError without it."""
+    from trac_ik import TracIK
+
+    above = joints_above(robot.description.joints, frame)
+    names = [joint.name for joint in reversed(above) if joint.is_movable]
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "robot.urdf")
+        file.write_text(robot.description.source, encoding="utf-8")
+        base = above[-1].parent  # At the world's origin.
+        solver = TracIK(base, frame, str(file), timeout=TRAC_IK_LIMIT)
+    # It takes those of a <safety_controller>, also where that has none.
+    ranges = {r.name: r for r in joint_ranges(robot.description)}
+    low, high = solver.joint_limits
+    is_limited = [not ranges[name].wraps for name in names]
+    low = np.where(is_limited, [ranges[name].lower for name in names], low)
+    high = np.where(is_limited, [ranges[name].upper for name in names], high)
+    solver.joint_limits = list(low), list(high)
+    start = np.array([seed[name] for name in names])
+
+    def solve(target: RigidTransform) -> Mapping[str, float] | None:
+        R = np.array(target.rotation().matrix())
+        found = solver.ik(np.array(target.translation()), R, start)
+        return None if found is None else dict(zip(names, found, strict=True))
+
+    return solve
+
+
+def measure(name: str, frame: str, mask: tuple[bool, ...], poses: int) -> Iterator[str]:
+    """Yield a robot's lines, one for each solver."""
     robot = load(name)
     ranges = list(joint_ranges(robot.description))
     carriers = {j.name for j in joints_above(robot.description.joints, frame)}
-    limits = {r.name: r for r in ranges if r.name in carriers and r.follows is None}
+    own = {r.name: r for r in ranges if r.name in carriers and r.follows is None}
     rng, judge, seed = (
         np.random.default_rng(1),
         make_judge(robot, frame),
         center(ranges),
     )
-    solved, times, tries = 0, [], []
-    ad.solve_ik(robot, frame, robot.forward_kinematics(randomize(ranges, rng), frame))
-    for _ in range(poses):
-        target = robot.forward_kinematics(randomize(ranges, rng), frame)
-        start = time.process_time()
+    targets = [
+        robot.forward_kinematics(randomize(ranges, rng), frame)
+        for _ in range(poses + 1)
+    ]
+
+    def solve(target: RigidTransform) -> Mapping[str, float] | None:
         try:
-            solution = ad.solve_ik(robot, frame, target, seed=seed, mask=mask)
+            return ad.solve_ik(robot, frame, target, seed=seed, mask=mask).positions
         except ad.NoSolution:
-            times.append(time.process_time() - start)
-            continue
-        times.append(time.process_time() - start)
-        tries.append(solution.tries)
-        positions = dict(solution.positions)
+            return None
+
+    def is_right(target: RigidTransform, positions: Mapping[str, float]) -> bool:
         X = robot.forward_kinematics(positions, frame)
         is_wrong = misses(target, X.rotation().matrix(), X.translation(), mask)
         if judge is not None:
             is_wrong |= misses(target, *judge(positions), mask)
-        is_wrong |= any(
-            not r.wraps and not r.lower - 1e-9 <= positions[n] <= r.upper + 1e-9
-            for n, r in limits.items()
+        return not is_wrong and all(
+            r.wraps or r.lower - 1e-9 <= positions[n] <= r.upper + 1e-9
+            for n, r in own.items()
         )
-        solved += not is_wrong
-    mean, median = 1e3 * np.mean(times), 1e3 * np.median(times)
-    tail = 1e3 * np.percentile(times, 95)
+
+    solvers: dict[str, Solve] = {"ours": solve}
+    if mask == ALL:
+        with contextlib.suppress(ImportError):
+            solvers["TRAC-IK"] = make_trac_ik(robot, frame, seed)
     by = "pinocchio" if judge is not None else "Drake"
-    return (
-        f"{name:<20} {len(limits)} joints  {100 * solved / poses:6.2f} %  "
-        f"mean {mean:5.2f} ms  median {median:5.2f}  p95 {tail:5.2f}  "
-        f"max {1e3 * max(times):5.1f}  tries {np.mean(tries):.2f}  by {by}"
-    )
+    for label, solver in solvers.items():
+        solved, times = 0, []
+        solver(targets[0])  # Makes the table.
+        for target in targets[1:]:
+            start = time.process_time()
+            positions = solver(target)
+            times.append(time.process_time() - start)
+            solved += positions is not None and is_right(target, positions)
+        ms = 1e3 * np.array(times)
+        yield (
+            f"{name:<20} {len(own)} joints  {label:<8} {100 * solved / poses:6.2f} %  "
+            f"mean {ms.mean():5.2f} ms  median {np.median(ms):5.2f}  "
+            f"p95 {np.percentile(ms, 95):5.2f}  max {ms.max():5.1f}  by {by}"
+        )
 
 
 def main() -> int:
@@ -138,7 +189,8 @@ def main() -> int:
     for name in options.robots:
         frame, mask = ROBOTS[name]
         try:
-            print(measure(name, frame, mask, options.poses), flush=True)
+            for line in measure(name, frame, mask, options.poses):
+                print(line, flush=True)
         except (ArmDrakeError, KeyError) as error:
             print(f"{name}: left out: {error}", file=sys.stderr)
     return 0

@@ -425,6 +425,48 @@ def test_a_goal_by_slider_moves_the_arm_and_reset_brings_it_back(
     )
 
 
+def test_a_motion_is_planned_executed_and_stopped_by_the_panel(
+    program: Live, screen: Screen
+) -> None:
+    screen.page.locator("summary", has_text="Motion planning").click()
+    screen.choose("plan:group", "arm")
+    screen.choose("plan:frame", "tip")
+    screen.click("plan:position_only")
+    goal = 0.8
+    screen.type("plan:x", repr(ELBOW[0] + UPPER * math.sin(goal)))
+    screen.type("plan:z", repr(ELBOW[1] + UPPER * math.cos(goal)))
+    screen.until(lambda: "free" in screen.text("plan:status"), "the goal is free")
+
+    screen.click("plan:plan")
+    screen.until(lambda: "found in" in screen.text("plan:status"), "there is a plan")
+    assert position(program, "elbow") == pytest.approx(0.0, abs=1e-12)
+    screen.click("plan:execute")
+    near = pytest.approx(goal, abs=2e-3)
+    bent = play_until(
+        program, screen, lambda: position(program, "elbow") == near, "the goal"
+    )
+    elbow = position(program, "elbow")
+    assert is_near(middle(red(bent)), middle_of_arm(ELBOW, UPPER, elbow))
+
+    # Back to a named state, so slowly that it is stopped long before.
+    play_until(program, screen, lambda: "goal" in screen.text("plan:status"), "the end")
+    screen.choose("plan:state", "home")
+    screen.type("plan:velocity_scaling", "0.05")
+    screen.click("plan:plan")
+    screen.until(lambda: "found in" in screen.text("plan:status"), "there is a plan")
+    screen.click("plan:execute")
+    play_until(program, screen, lambda: position(program, "elbow") < 0.75, "it moves")
+    screen.click("plan:stop")
+    screen.until(lambda: "cancel" in screen.text("plan:status"), "it is canceled")
+    now = time_of(program)
+    play_until(program, screen, lambda: time_of(program) > now + 0.5, "it stands")
+    stopped = position(program, "elbow")
+    assert stopped > 0.5
+    play_until(program, screen, lambda: time_of(program) > now + 1.0, "it still does")
+    assert position(program, "elbow") == pytest.approx(stopped, abs=1e-4)
+    screen.click("plan:clear")
+
+
 def test_the_real_time_rate_is_a_choice(program: Live, screen: Screen) -> None:
     rates = []
     for option in ("0.1 ×", "as fast as it goes", "2 ×"):

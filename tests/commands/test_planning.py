@@ -36,7 +36,8 @@ def test_ik_says_what_is_out_of_reach(capsys: pytest.CaptureFixture[str]) -> Non
     [
         (
             ["--pose", "1,2"],
-            "--pose 1,2: expected X,Y,Z [m] or X,Y,Z,R,P,Y [m, rad] with commas",
+            "--pose 1,2: expected finite numbers X,Y,Z [m] or X,Y,Z,R,P,Y [m, rad] "
+            "with commas",
         ),
         (
             ["--pose", "0,0,1", "--seed", "j=one"],
@@ -86,7 +87,8 @@ def test_a_plan_is_a_motion_that_sim_plays(
     ("words", "message"),
     [
         (["--to", "hom"], "group 'joint_trajectory_controller' has no state 'hom'; "),
-        (["--to", "1,2"], "--to 1,2: expected X,Y,Z [m] or X,Y,Z,R,P,Y [m, rad] with"),
+        (["--to", "1,2"], "--to 1,2: expected finite numbers X,Y,Z [m] or X,Y,Z,R,P,Y"),
+        (["--to", "nan,0,1"], "--to nan,0,1: expected finite numbers X,Y,Z [m] or "),
         (["--to", "home", "--upright", "link6=x"], "--upright link6=x: expected an an"),
         (["--to", "home", "--upright", "lnk=1"], "path_constraint: no link 'lnk'; "),
         (["--to", "joint1=x"], "--to joint1=x: expected a number [rad or m]"),

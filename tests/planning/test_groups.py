@@ -1,11 +1,13 @@
 """Groups of SRDF files, and of controllers where there are none."""
 
+import json
 import math
 from pathlib import Path
 
 import pytest
 
 import arm_drake as ad
+from arm_drake.cli import main
 from arm_drake.planning.groups import find_group, find_state
 from arm_drake.planning.timing import motion_limits
 
@@ -37,8 +39,11 @@ SRDF = """<robot name="arm">
   <group_state name="half" group="arm"><joint name="a" value="0.5"/></group_state>
 </robot>"""
 
-LIMITS = """joint_limits:
+LIMITS = """default_velocity_scaling_factor: 0.5
+default_acceleration_scaling_factor: 1.5
+joint_limits:
   a: {has_velocity_limits: true, max_velocity: 1.5,
+      has_position_limits: true, min_position: -1, has_effort_limits: false,
       has_acceleration_limits: true, max_acceleration: 7,
       has_jerk_limits: true, max_jerk: 50}
   b: {has_velocity_limits: false, max_velocity: 1.0}
@@ -109,6 +114,52 @@ def test_speeds_are_those_of_moveit_then_the_description(robot: ad.Robot) -> Non
     assert limits["c"] == (1.0, 1.0, math.inf)
 
 
+def test_plans_are_as_fast_as_joint_limits_yaml_says(robot: ad.Robot) -> None:
+    by_default, whole, half = (
+        ad.plan(robot, {"c": 1.0}, group="arm", world="void", velocity_scaling=scaling)
+        for scaling in (None, 1.0, 0.5)
+    )
+
+    assert by_default.trajectory == half.trajectory
+    # Joint c goes at 1 rad/s within a second: 1 rad takes 2 s, 2.5 s at half of that.
+    assert whole.duration == pytest.approx(2.0, rel=0.03)
+    assert half.duration == pytest.approx(2.5, rel=0.03)
+
+
+def test_what_of_moveit_s_files_has_no_effect_is_in_the_report(
+    robot: ad.Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(["check", str(tmp_path / "arm"), "--json"])
+
+    folder = tmp_path / "arm_moveit_config/config"
+    report = json.loads(capsys.readouterr().out)["report"]
+    found = [
+        (entry["severity"], Path(entry["file"]).name, entry["where"], entry["what"])
+        for entry in report
+        if entry["file"] and Path(entry["file"]).parent == folder
+    ]
+    assert sorted(found) == [
+        (
+            "info",
+            "joint_limits.yaml",
+            "joint 'a'",
+            "parameters 'has_position_limits', 'min_position'",
+        ),
+        (
+            "info",
+            "kinematics.yaml",
+            "group 'arm'",
+            "parameters 'kinematics_solver', 'kinematics_solver_timeout'",
+        ),
+        (
+            "warning",
+            "joint_limits.yaml",
+            "default_acceleration_scaling_factor",
+            "expected a number above 0, at most 1, got 1.5",
+        ),
+    ]
+
+
 def test_a_robot_without_srdf_has_its_controllers_as_groups() -> None:
     robot = ad.load_robot("doosan_a0912")
 
@@ -142,6 +193,10 @@ def test_a_pose_is_a_position_where_kinematics_yaml_says_so(robot: ad.Robot) -> 
     assert reached == pytest.approx(pose[:3], abs=1e-4)
     with pytest.raises(ad.NoSolution):
         ad.plan(robot, pose, group="arm", world="void", mask=(True,) * 6)
+    # So it is for inverse kinematics of that group, but not of its joints alone.
+    assert robot.solve_ik("three", pose, group="arm").position_error < 1e-5
+    with pytest.raises(ad.NoSolution):
+        robot.solve_ik("three", pose, group=["a", "c"])
 
 
 def test_a_kinematics_yaml_that_can_not_be_read_is_named(

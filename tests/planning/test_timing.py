@@ -16,12 +16,16 @@ JERK, ACCELERATION = 20.0, 4.0
 
 
 def with_jerk_limits(
-    name: str, folder: Path, jerk: float = JERK, joints: Collection[str] = ()
+    name: str,
+    folder: Path,
+    jerk: float = JERK,
+    joints: Collection[str] = (),
+    acceleration: float = ACCELERATION,
 ) -> ad.Robot:
     """Load a robot with a MoveIt config package that limits jerk, of all or some."""
     description = ad.load_robot(name).description
     (folder / "robot.srdf").write_text(f'<robot name="{description.name}"/>')
-    row = f"has_acceleration_limits: true, max_acceleration: {ACCELERATION}"
+    row = f"has_acceleration_limits: true, max_acceleration: {acceleration}"
     limited = f", has_jerk_limits: true, max_jerk: {jerk}"
     rows = []
     for joint in description.movable_joints:
@@ -77,8 +81,27 @@ def test_a_way_around_a_post_keeps_limits_of_jerk(tmp_path: Path) -> None:
     assert np.abs(accelerations)[[0, -1]] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_straight_line_with_limits_of_jerk_is_straight(tmp_path: Path) -> None:
-    robot = with_jerk_limits("doosan_a0912", tmp_path)
+# The fastest way from rest to rest over 0.7 rad within a jerk of 5 rad/s^3, if neither
+# speed nor acceleration were limited: four equal parts of it.
+FASTEST = 4.0 * (0.7 / (2.0 * 5.0)) ** (1.0 / 3.0)
+
+
+@pytest.mark.parametrize("acceleration", [4.0, 16.0])
+def test_more_acceleration_than_jerk_allows_to_use_makes_no_plan_slower(
+    tmp_path: Path, acceleration: float
+) -> None:
+    robot = with_jerk_limits("doosan_a0912", tmp_path, 5.0, acceleration=acceleration)
+
+    plan = ad.plan(robot, {"joint1": 0.7}, world="void")
+
+    assert FASTEST <= plan.duration <= 1.25 * FASTEST
+
+
+@pytest.mark.parametrize(("jerk", "acceleration"), [(JERK, ACCELERATION), (5.0, 16.0)])
+def test_a_straight_line_with_limits_of_jerk_is_straight(
+    tmp_path: Path, jerk: float, acceleration: float
+) -> None:
+    robot = with_jerk_limits("doosan_a0912", tmp_path, jerk, acceleration=acceleration)
     start = {"joint2": 0.3, "joint3": 1.5, "joint5": 1.0}
     X = robot.forward_kinematics(start, "link6")
     shift = np.array([0.1, 0.2, -0.15])
@@ -86,7 +109,7 @@ def test_a_straight_line_with_limits_of_jerk_is_straight(tmp_path: Path) -> None
 
     plan = ad.plan(robot, goal, start=start, world="void", straight=True)
 
-    assert max(jerks_of(plan)) <= JERK
+    assert max(jerks_of(plan)) <= jerk
     for point in plan.trajectory.points:
         positions = dict(zip(plan.trajectory.joint_names, point.positions, strict=True))
         at = robot.forward_kinematics(positions, "link6")

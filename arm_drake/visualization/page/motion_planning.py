@@ -171,7 +171,8 @@ class MotionPlanning:
         self._label = next(iter(self._groups), "")
         self._frame = self._group.tip if self._groups else ""
         self._scaling = {"velocity_scaling": 1.0, "acceleration_scaling": 1.0}
-        self._is_straight = self._is_position_only = self._is_upright = False
+        self._is_straight = self._is_upright = False
+        self._is_position_only = bool(self._groups) and self._group.is_position_only
         self._goal: _Goal | None = None
         self._is_stale = False
         self._ghosts: dict[tuple[str, str], Ghost] = {}
@@ -225,6 +226,7 @@ class MotionPlanning:
             )
         self.clear()
         self._label, self._frame = label, self._group.tip
+        self._is_position_only = self._group.is_position_only
         self.set_goal_here()
 
     def set_frame(self, frame: str) -> None:
