@@ -195,8 +195,8 @@ def test_what_a_lens_folds_is_not_shown() -> None:
         ("<distortion><k1>0.1</k1><center>1</center></distortion>",
          "distortion center: expected 2 numbers, got '1'"),
         ("<lens><intrinsics><fx>500</fx><fy>0</fy><cx>1</cx></intrinsics></lens>",
-         "lens intrinsics: expected fx and fy more than 0, and cx and cy, got "
-         "'fx 500, fy 0, cx 1, cy nothing'"),
+         "lens intrinsics: expected fx and fy more than 0, and cx and cy inside "
+         "the picture, got 'fx 500, fy 0, cx 1, cy nothing'"),
         ("<lens><type>stereographic</type></lens>", "lens type 'stereographic'"),
     ],
 )  # fmt: skip
