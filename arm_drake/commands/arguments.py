@@ -267,7 +267,7 @@ def _add_shown_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TOPIC",
         action="append",
         default=[],
-        help="draw what a topic says on the page: odometry, scan, points, wrench",
+        help="draw what a topic says, in --record, too: odometry, scan, points, wrench",
     )
     add_page_arguments(parser)
 

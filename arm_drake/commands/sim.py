@@ -7,7 +7,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram
@@ -51,6 +51,7 @@ from arm_drake.visualization.video import FRAME_RATE
 from arm_drake.worlds.world import load_world
 
 if TYPE_CHECKING:
+    from arm_drake.visualization.page import Scene as MeshcatScene
     from arm_drake.visualization.page.live_simulation import LiveSimulation
     from arm_drake.visualization.page.live_views import LiveViews
 
@@ -203,13 +204,21 @@ def simulate(options: argparse.Namespace, scene: Scene | Robot) -> int:
 
 def _check_words(options: argparse.Namespace) -> None:
     """Raise InputError for what doesn't go together, or can't be written."""
-    for word in ("wait", "hold", "open", "paused", "curve", "display", "keyboard"):
+    for word in ("wait", "hold", "open", "paused", "curve", "keyboard"):
         if options.headless and getattr(options, word):
             text = f"--{word} is for the page, and with --headless there is none"
             raise InputError(text)
     check_outputs(options)
     if options.headless or needs_recording(options):
         warn_of_pictures(options)
+
+
+class _Pictured(NamedTuple):
+    """Where displays draw without a page."""
+
+    page: "MeshcatScene"
+    simulation: Simulation
+    views: "LiveViews"
 
 
 def _simulate_headless(
@@ -235,6 +244,7 @@ def _simulate_headless(
         return _finish(options, simulation, wall_time, None, say)
     # Not at the top: a simulation without pictures needs no Meshcat.
     from arm_drake.visualization.page import Scene as MeshcatScene
+    from arm_drake.visualization.page.displays import make_displays
     from arm_drake.visualization.page.live_views import LiveViews
 
     with MeshcatScene() as page:
@@ -246,6 +256,13 @@ def _simulate_headless(
         if is_recorded:
             start_recording(meshcat, FRAME_RATE)
         _show(options, views)
+        displays = make_displays(_Pictured(page, simulation, views))
+        for topic in options.display:
+            displays.show(topic)
+
+        def draw() -> None:
+            views.draw()
+            displays.draw()
 
         def run() -> None:
             with page.drawing():
@@ -253,7 +270,7 @@ def _simulate_headless(
                     simulation,
                     duration,
                     motion,
-                    draw=views.draw,
+                    draw=draw,
                     frame_rate=FRAME_RATE,
                     realtime_rate=rate,
                     progress=say.progress,
@@ -288,7 +305,8 @@ def _simulate_served(
 
 def _check_nothing_shown(options: argparse.Namespace) -> None:
     """Raise InputError if something is to be shown where nothing is to be seen."""
-    for name in ("show", "fixed_frame", "ghost", "trail", "contacts", "max_faces"):
+    words = ("show", "fixed_frame", "ghost", "trail", "contacts", "display")
+    for name in (*words, "max_faces"):
         if getattr(options, name):
             word = f"--{name.replace('_', '-')}"
             raise InputError(

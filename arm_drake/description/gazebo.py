@@ -55,6 +55,7 @@ _PERCEPTION = (
     "gazebo_ros_openni_kinect",
     "gazebo_ros_multicamera",
     "gazebo_ros_ray_sensor",
+    "realsense_gazebo_plugin",
 )
 
 
@@ -79,6 +80,10 @@ class GazeboPlugin:
         """Return the texts of all children with this tag."""
         return tuple(text for name, text in self.fields if name == tag)
 
+    def text(self, tag: str) -> str:
+        """Return the first text of a child with this tag that isn't empty, else ""."""
+        return next(filter(None, self.texts(tag)), "")
+
     @property
     def is_bumper(self) -> bool:
         """Whether it publishes what a contact sensor of Gazebo Classic feels."""
@@ -93,6 +98,11 @@ class GazeboPlugin:
     def is_perception(self) -> bool:
         """Whether it publishes what a camera or lidar of Gazebo Classic sees."""
         return self._library in _PERCEPTION
+
+    @property
+    def is_realsense(self) -> bool:
+        """Whether it publishes what the sensors of a RealSense see, by their names."""
+        return self._library == "realsense_gazebo_plugin"
 
     @property
     def is_sensor_system(self) -> bool:
@@ -161,7 +171,7 @@ def report_gazebo(
         and not (
             plugin.holder in holders and (plugin.is_bumper or plugin.is_perception)
         )
-        and not (plugin.is_sensor_system and sees)
+        and not ((plugin.is_sensor_system or plugin.is_realsense) and sees)
     )
     tags = collections.Counter(
         f"<{child.tag.rpartition('}')[2]}>" + _sensor_type(child)

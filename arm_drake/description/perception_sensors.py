@@ -4,7 +4,9 @@ What they measure is computed by `arm_drake.perception`.
 
 Sources: SDFormat, sdf/1.11/sensor.sdf, camera.sdf, ray.sdf, noise.sdf; gazebo_ros_pkgs,
 branch ros2, gazebo_plugins/src/gazebo_ros_camera.cpp, gazebo_ros_ray_sensor.cpp;
-gz-sensors, src/CameraSensor.cc, RgbdCameraSensor.cc, SegmentationCameraSensor.cc.
+gz-sensors, src/CameraSensor.cc, RgbdCameraSensor.cc, SegmentationCameraSensor.cc;
+realsense_gazebo_plugin of PAL Robotics, src/RealSensePlugin.cpp and
+gazebo_ros_realsense.cpp; gazebo-classic, gazebo/sensors/DepthCameraSensor.cc.
 """
 
 import dataclasses as dc
@@ -18,6 +20,7 @@ from arm_drake.description.elements import ElementReader, attribute, text_of
 from arm_drake.description.gazebo import (
     GazeboPlugin,
     Pose,
+    read_gazebo_plugins,
     read_plugins,
     read_sensor_pose,
     referred_link,
@@ -54,6 +57,30 @@ OUTPUT_TYPES: Final = (
 )
 
 _RADIATIONS: Final = ("infrared", "ultrasound")
+
+# The sensors of a RealSense by the ends of their names, after the plugin's <prefix>,
+# and what its tags about each begin with.
+_REALSENSE: Final[Mapping[str, str]] = {
+    "color": "color",
+    "depth": "depth",
+    "ired1": "infrared1",
+    "ired2": "infrared2",
+}
+
+# Its tags about one sensor, and those about all. Upstream's ROS topics have the rates
+# of the sensors; its own rates are of Gazebo's topics.
+_REALSENSE_TAGS: Final = frozenset(
+    f"{start}{end}"
+    for start in _REALSENSE.values()
+    for end in ("TopicName", "CameraInfoTopicName", "OpticalframeName")
+) | {
+    *("colorUpdateRate", "depthUpdateRate", "infraredUpdateRate", "prefix"),
+    *("rangeMinDepth", "rangeMaxDepth", "robotNamespace"),
+    *("pointCloud", "pointCloudTopicName", "pointCloudCutoff", "pointCloudCutoffMax"),
+}
+
+# The greatest depth of its points where it names none [m].
+_REALSENSE_CUTOFF: Final = 5.0
 
 MOST_PIXELS: Final = 8192
 
@@ -134,6 +161,10 @@ class CameraSensor(PerceptionSensor):
     # Encoding of depths: "32FC1" [m], or "16UC1" [mm], 0 where it can't tell.
     depth_encoding: str = "32FC1"
 
+    # Of the depths that it tells those that its depth images and its points have [m].
+    image_depths: tuple[float, float] = (0.0, math.inf)
+    point_depths: tuple[float, float] = (0.0, math.inf)
+
     # Distortion k1, k2, p1, p2, k3, as in `sensor_msgs/CameraInfo`, and its centre as
     # parts of width and height.
     distortion: tuple[float, float, float, float, float] = (0.0,) * 5
@@ -148,6 +179,9 @@ class CameraSensor(PerceptionSensor):
 
     # Topic of its CameraInfo; empty is Gazebo's default.
     info_topic: str = ""
+
+    # All of its topics by what is on them, where its plugin names each.
+    plugin_topics: tuple[tuple[str, str], ...] = ()
 
     # Distance to the right-hand camera of a pair, of which this is the left one [m].
     baseline: float = 0.0
@@ -226,6 +260,7 @@ def read_perception_sensors(
 ) -> tuple[PerceptionSensor, ...]:
     """Return the cameras and lidars in the `<gazebo>` tags of a URDF."""
     found: dict[str, PerceptionSensor] = {}
+    realsenses = _find_realsenses(root, report, file)
     for gazebo in root.iterfind("gazebo"):
         for element in gazebo.iterfind("sensor"):
             read = _READERS.get(attribute(element, "type"))
@@ -240,6 +275,8 @@ def read_perception_sensors(
                 reader.refuse(what + suggest(reference, links), "missing")
                 continue
             plugins = tuple(read_plugins(element, reference))
+            if name in realsenses:
+                plugins = (realsenses[name], *plugins)
             common = reader.read_common(element, link, plugins, links)
             for sensor in read(reader, element, common):
                 free, number = sensor.name, 2
@@ -247,6 +284,29 @@ def read_perception_sensors(
                     free, number = f"{sensor.name}_{number}", number + 1
                 found[free] = dc.replace(sensor, name=free)
     return tuple(found.values())
+
+
+def _find_realsenses(
+    root: ET.Element, report: LoadReport, file: Path
+) -> dict[str, GazeboPlugin]:
+    """Return RealSense's plugins by the names of their sensors."""
+    found: dict[str, GazeboPlugin] = {}
+    known = [attribute(e, "name") for e in root.iterfind("gazebo/sensor")]
+    for plugin in filter(lambda p: p.is_realsense, read_gazebo_plugins(root)):
+        reader = ElementReader(f"plugin {plugin.name!r}", report, file)
+        for tag in dict.fromkeys(name for name, _ in plugin.fields):
+            if tag not in _REALSENSE_TAGS:
+                what = f"<{tag}>; {suggest(tag, _REALSENSE_TAGS)}"
+                reader.note("warning", "ignored", what, "it has no effect")
+        prefix = plugin.text("prefix")
+        for end in _REALSENSE:
+            name = f"{prefix}{end}"
+            found.setdefault(name, plugin)
+            if name not in known:
+                hint = suggest(name, known) if known else "there are no sensors"
+                what = f"no sensor {name!r}, <prefix> and {end!r}; {hint}"
+                reader.note("warning", "missing", what, "its topics are not there")
+    return found
 
 
 class _SensorReader(ElementReader):
@@ -276,15 +336,19 @@ class _SensorReader(ElementReader):
             filter(None, (text_of(element, t) for t in _FRAME_TAGS)),
             "",
         )
+        name = attribute(element, "name")
         if plugin is not None:
-            frame = next(filter(None, plugin.texts("frame_name")), "")
+            tag = "frame_name"
+            if plugin.is_realsense:
+                tag = f"{_realsense_tags(plugin, name)}OpticalframeName"
+            frame = plugin.text(tag)
         for each in (frame, text_of(element, "camera/optical_frame_id")):
             if each and each not in links and each != "world":
                 what = f"its frame {each!r} is no link; {suggest(each, links)}"
                 done = "its messages name it all the same"
                 self.note("warning", "missing", what, done)
         return PerceptionSensor(
-            name=attribute(element, "name") or link,
+            name=name or link,
             link=link,
             pose=read_sensor_pose(element, self._report, self._file),
             update_rate=rate or USUAL_RATE,
@@ -377,7 +441,11 @@ class _SensorReader(ElementReader):
             fields |= {"name": f"{common.name}_{part}", "part": part}
             fields |= {"group": common.name, "pose": self._pose(tag, common.pose)}
         plugin = common.plugin
-        return CameraSensor(
+        if plugin is not None and kind == "depth" and common.noise != Noise():
+            what = "noise of a depth camera of Gazebo Classic"
+            self.note("info", "ignored", what, "its depths are exact, as there")
+            fields["noise"] = Noise()
+        sensor = CameraSensor(
             **fields,
             kind=kind,
             horizontal_fov=fov,
@@ -395,6 +463,57 @@ class _SensorReader(ElementReader):
             info_topic=text_of(tag, "camera_info_topic"),
             baseline=self._plugin_number(plugin, "hack_baseline", 0.0),
         )
+        if plugin is not None and plugin.is_realsense:
+            return self._as_realsense(sensor, plugin)
+        return sensor
+
+    def _as_realsense(self, sensor: CameraSensor, plugin: GazeboPlugin) -> CameraSensor:
+        """Return a camera as RealSense's plugin publishes it."""
+        start = _realsense_tags(plugin, sensor.name)
+        prefix, topic = plugin.text("prefix"), plugin.text(f"{start}TopicName")
+        image = "depth_image" if sensor.has_depth else "image"
+        info = f"{topic.rpartition('/')[0]}/camera_info".lstrip("/")
+        topics = {image: topic, "camera_info": info}
+        wanted = plugin.text(f"{start}CameraInfoTopicName")
+        if wanted not in ("", info):
+            what = f"{start}CameraInfoTopicName {wanted!r}"
+            done = f"it is {info!r}, beside the picture, as upstream's"
+            self.note("info", "ignored", what, done)
+        if sensor.has_depth and plugin.text("pointCloud") in ("true", "1"):
+            topics["points"] = plugin.text("pointCloudTopicName")
+        for key, name in topics.items():
+            if not name:
+                self.expected(f"{start}TopicName", f"a topic for {key}", name)
+        named = {key: f"{prefix}/{name}" for key, name in topics.items() if name}
+        is_mono = sensor.encoding == "mono8"
+        return dc.replace(
+            sensor,
+            plugin_topics=tuple(named.items()),
+            encoding="8UC1" if is_mono else sensor.encoding,
+            depth_encoding="16UC1",
+            image_depths=self._plugin_range(
+                plugin, ("rangeMinDepth", "rangeMaxDepth"), (0.0, math.inf)
+            ),
+            point_depths=self._plugin_range(
+                plugin,
+                ("pointCloudCutoff", "pointCloudCutoffMax"),
+                (0.0, _REALSENSE_CUTOFF),
+            ),
+        )
+
+    def _plugin_range(
+        self, plugin: GazeboPlugin, tags: tuple[str, str], default: tuple[float, float]
+    ) -> tuple[float, float]:
+        """Return two depths of a plugin [m], the default if they make no sense."""
+        low, high = (
+            self._plugin_number(plugin, tag, number)
+            for tag, number in zip(tags, default, strict=True)
+        )
+        if low < high:
+            return low, high
+        expected = f"less than {tags[1]}, {high:g} m"
+        self.expected(tags[0], expected, f"{low:g} m")
+        return default
 
     def _pose(self, tag: ET.Element, pose: Pose) -> Pose:
         """Return the pose of one of several cameras."""
@@ -555,6 +674,11 @@ def find_camera_problem(
     return ""
 
 
+def _realsense_tags(plugin: GazeboPlugin, sensor: str) -> str:
+    """Return what the tags of a RealSense about one of its sensors begin with."""
+    return _REALSENSE[sensor.removeprefix(plugin.text("prefix"))]
+
+
 def _depth_range(
     reader: _SensorReader,
     tag: ET.Element,
@@ -563,6 +687,8 @@ def _depth_range(
     far: float,
 ) -> tuple[float, float]:
     """Return the depths that a camera tells [m]."""
+    if plugin is not None and plugin.is_realsense:
+        return near, far
     if plugin is not None:
         texts = {name: plugin.texts(name) for name in ("min_depth", "max_depth")}
         low, high = (

@@ -101,7 +101,9 @@ def topics_of(camera: CameraSensor, robot: str, world: str) -> dict[str, str]:
 
 def _classic_topics(camera: CameraSensor, plugin: GazeboPlugin) -> dict[str, str]:
     """Return the topics of a camera of Gazebo Classic's plugin."""
-    name = next(iter(plugin.texts("camera_name")), "") or camera.group or camera.name
+    if camera.plugin_topics:
+        return find_classic_topics(plugin, dict(camera.plugin_topics))
+    name = plugin.text("camera_name") or camera.group or camera.name
     names = {"image": "image_raw", "camera_info": "camera_info"}
     if camera.part:
         names = {key: f"{camera.part}/{end}" for key, end in names.items()}
@@ -442,6 +444,8 @@ class Camera(SensorSystem):
 
     def _image(self, context: Context, port: str, encoding: str) -> Image:
         pixels = self.GetOutputPort(port).Eval(context)
+        if port == "depth":
+            pixels = _limit(pixels, self.sensor.image_depths)
         header = self._header(context, self._image_frame)
         return make_image(header, pixels, encoding)
 
@@ -459,7 +463,8 @@ class Camera(SensorSystem):
 
     def _make_points(self, context: Context) -> PointCloud2:
         assert self._depth is not None
-        points = project(self._depth.Eval(context), self.lens.rays)
+        depths = _limit(self._depth.Eval(context), self.sensor.point_depths)
+        points = project(depths, self.lens.rays)
         frame = self._image_frame
         if self.sensor.plugin is None:
             # Gazebo Sim's points are in the frame of the sensor, x ahead.
@@ -467,6 +472,19 @@ class Camera(SensorSystem):
             frame = self.frame_id
         colors = None if self._color is None else self._color.Eval(context)
         return make_cloud(self._header(context, frame), points, colors)
+
+
+def _limit(depths: Array, limits: tuple[float, float]) -> Array:
+    """Return depths [m] with -inf and +inf for what is nearer and farther than limits.
+
+    Without limits these are the depths themselves.
+    """
+    low, high = limits
+    if low > 0.0:
+        depths = np.where(depths < low, -np.inf, depths)
+    if high < math.inf:
+        depths = np.where(depths > high, np.inf, depths)
+    return depths
 
 
 class CameraHandle(SensorHandle):

@@ -16,9 +16,13 @@ ENCODINGS: Final[Mapping[str, tuple[int, str]]] = {
     "rgb8": (3, "u1"),
     "bgr8": (3, "u1"),
     "mono8": (1, "u1"),
+    "8UC1": (1, "u1"),
     "16UC1": (1, "<u2"),
     "32FC1": (1, "<f4"),
 }
+
+# Those of how bright pixels are.
+_MONO: Final = ("mono8", "8UC1")
 
 _LUMA: Final = np.array([0.299, 0.587, 0.114])
 
@@ -42,7 +46,7 @@ def make_image(header: Header, pixels: NDArray[Any], encoding: str) -> Image:
     """
     if encoding == "bgr8":
         pixels = pixels[..., ::-1]
-    elif encoding == "mono8":
+    elif encoding in _MONO:
         pixels = np.round(pixels @ _LUMA)
     elif encoding == "16UC1" and pixels.dtype != np.uint16:
         pixels = to_millimetres(pixels)
@@ -80,7 +84,7 @@ def to_rgb(image: Image) -> NDArray[np.uint8]:
         return pixels[..., ::-1]
     if pixels.ndim == 3:
         return pixels
-    if image.encoding == "mono8":
+    if image.encoding in _MONO:
         return np.repeat(pixels[..., None], 3, axis=2)
     if image.encoding == "16UC1":
         return color_depths(np.where(pixels, pixels / 1000.0, np.nan))
@@ -116,9 +120,11 @@ def color_labels(labels: NDArray[Any]) -> NDArray[np.uint8]:
 
 
 def to_millimetres(depths: NDArray[Any]) -> NDArray[np.uint16]:
-    """Return depths [mm], 0 where they can't be told, from depths [m]."""
-    known = np.isfinite(depths) & (depths > 0.0) & (depths < 65.5355)
-    return np.round(1000.0 * np.where(known, depths, 0.0)).astype(np.uint16)
+    """Return whole depths [mm], 0 where they can't be told, from depths [m]."""
+    known = (depths > 0.0) & (depths <= 65.535)
+    whole = np.where(known, depths, 0.0).astype(np.float64) / 0.001
+    # As RealSense's plugin has them, which cuts off what is less.
+    return np.minimum(whole, 65535.0).astype(np.uint16)
 
 
 def project(

@@ -4,7 +4,7 @@ import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +27,11 @@ from arm_drake.messages import (
 from arm_drake.messages.sensors import ContactsState, ContactState
 from arm_drake.perception.cameras import R_SENSOR_OPTICAL, Camera
 from arm_drake.perception.images import to_colors, to_points
+from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.contact_arrows import ContactArrows
-from arm_drake.visualization.page.parts import Live, Part
+from arm_drake.visualization.page.live_views import LiveViews
+from arm_drake.visualization.page.parts import Part
+from arm_drake.visualization.page.scene import Scene
 from arm_drake.visualization.page.widgets import Section, Toggle
 from arm_drake.visualization.trail import Trail
 
@@ -42,12 +45,31 @@ _RED, _BLUE, _WHITE = (0.85, 0.1, 0.1), (0.1, 0.3, 0.8), (1.0, 1.0, 1.0)
 # How large the points are [m], and how many are drawn at most.
 _DOT, _POINT, _MOST_POINTS = 0.02, 0.006, 100_000
 
+# So many each scan or cloud of a recording has at most: all of them are in one file.
+_MOST_RECORDED = 5_000
+
 # The shortest time between two scans or clouds, and the part of the time they may take
-# at most [s].
+# at most [s]; in a recording the simulated time between two, and no limit.
 _PERIOD, _SHARE = 0.1, 0.25
 
 # The arrow of a robot's weight is so long, in parts of the robot's size.
 _WEIGHT_LENGTH, _GRAVITY, _SMALLEST_SIZE = 0.5, 9.81, 0.1
+
+
+class Drawn(Protocol):
+    """Where displays draw what a simulation says: a LiveSimulation, or a recording."""
+
+    @property
+    def page(self) -> Scene:
+        """Where it is shown."""
+
+    @property
+    def simulation(self) -> Simulation:
+        """What runs now."""
+
+    @property
+    def views(self) -> LiveViews:
+        """What is shown of it."""
 
 
 class Display(ABC):
@@ -59,7 +81,7 @@ class Display(ABC):
     # Whether messages cost much: they are read less often.
     is_dear = False
 
-    def __init__(self, live: Live, topic: str, path: str) -> None:
+    def __init__(self, live: Drawn, topic: str, path: str) -> None:
         """Create it, with nothing drawn; it draws below a path."""
         self._live, self.topic, self._path = live, topic, path
         names = list(live.simulation.robots)
@@ -98,7 +120,7 @@ class OdometryPath(Display):
 
     kind = "path"
 
-    def __init__(self, live: Live, topic: str, path: str) -> None:
+    def __init__(self, live: Drawn, topic: str, path: str) -> None:
         """Create it, with nothing drawn."""
         super().__init__(live, topic, path)
         self._trail = Trail(live.page.meshcat, path, duration=_LONG, color=_BLUE)
@@ -110,7 +132,8 @@ class OdometryPath(Display):
         if self._X_WO is None:
             self._X_WO = self._base(message.child_frame_id) @ X_OB.inverse()
         point = (self._X_WO @ X_OB).translation()
-        self._trail.append(self._live.simulation.time, point)
+        is_recorded = self._live.views.is_recorded
+        self._trail.append(self._live.simulation.time, point, is_recorded=is_recorded)
 
     def clear(self) -> None:
         """Forget the way."""
@@ -130,17 +153,34 @@ class _Points(Display):
 
     is_dear = True
 
-    def __init__(self, live: Live, topic: str, path: str) -> None:
+    def __init__(self, live: Drawn, topic: str, path: str) -> None:
         """Create it, with nothing drawn."""
         super().__init__(live, topic, path)
         self._sensor = find_sensor(live, topic)
+        # Where those of now are drawn; in a recording each has a path of its own.
+        self._own, self._count, self._began = path, 0, math.nan
+
+    def _begin(self) -> None:
+        """Have the next points in place of those of before, in a recording too."""
+        now = self._live.simulation.time
+        if not self._live.views.is_recorded or now == self._began:
+            return
+        self._began = now
+        if self._count:
+            self._meshcat.SetProperty(self._own, "visible", False, now)
+        self._own, self._count = f"{self._path}/{self._count}", self._count + 1
+        if now > 0.0:
+            self._meshcat.SetProperty(self._own, "visible", False, 0.0)
+        self._meshcat.SetProperty(self._own, "visible", True, now)
 
     def _show(
         self, points: NDArray[Any], colors: NDArray[np.uint8] | None, size: float
     ) -> None:
         """Draw points in the sensor's frame [m], shape (n, 3), and their colours."""
-        if len(points) > _MOST_POINTS:
-            step = math.ceil(len(points) / _MOST_POINTS)
+        self._begin()
+        most = _MOST_RECORDED if self._live.views.is_recorded else _MOST_POINTS
+        if len(points) > most:
+            step = math.ceil(len(points) / most)
             points = points[::step]
             colors = None if colors is None else colors[::step]
         fields = BaseField.kXYZs | (BaseField.kRGBs if colors is not None else 0)
@@ -150,7 +190,7 @@ class _Points(Display):
             cloud.mutable_rgbs()[:] = colors.T
         # In a browser one colour for all is multiplied by those of the points.
         color = _RED if colors is None else _WHITE
-        self._meshcat.SetObject(self._path, cloud, size, Rgba(*color))
+        self._meshcat.SetObject(self._own, cloud, size, Rgba(*color))
 
     def _place(self, frame: str, is_optical: bool) -> None:
         """Put the points where their frame is."""
@@ -162,7 +202,7 @@ class _Points(Display):
             X_WS = sensor.pose(context)
             if isinstance(sensor, Camera) and not is_optical:
                 X_WS = X_WS @ RigidTransform(R_SENSOR_OPTICAL.inverse(), np.zeros(3))
-        self._meshcat.SetTransform(self._path, X_WS)
+        self._meshcat.SetTransform(self._own, X_WS)
 
 
 class Scan(_Points):
@@ -201,7 +241,7 @@ class Cloud(_Points):
 class _Forces(Display):
     """Forces as rods, with a ball where each acts."""
 
-    def __init__(self, live: Live, topic: str, path: str) -> None:
+    def __init__(self, live: Drawn, topic: str, path: str) -> None:
         """Create it, with nothing drawn."""
         super().__init__(live, topic, path)
         simulation = live.simulation
@@ -278,11 +318,11 @@ DISPLAYS: Mapping[str, type[Display]] = {
 class Displays(Part):
     """The section that chooses which topics are drawn; no other is read."""
 
-    def __init__(self, live: Live, topics: Mapping[str, type[Display]]) -> None:
+    def __init__(self, live: Drawn, topics: Mapping[str, type[Display]]) -> None:
         """Create it for topics that can be drawn, with none drawn."""
         self._live, self.topics = live, topics
         self._shown: dict[str, Display] = {}
-        # When those that are dear are read next, in wall time [s].
+        # When those that are dear are read next, see `_now` [s].
         self._due: dict[str, float] = {}
 
     @property
@@ -311,16 +351,22 @@ class Displays(Part):
     def draw(self) -> None:
         """Draw the latest messages."""
         for topic, display in list(self._shown.items()):
-            start = time.perf_counter()
-            if display.is_dear and start < self._due.get(topic, -math.inf):
+            start = self._now()
+            if display.is_dear and start < self._due.get(topic, -math.inf) - 1e-9:
                 continue
             try:
                 self._read(topic)
             except ArmDrakeError as error:
                 self._shown.pop(topic).clear()
                 self._live.page.say(str(error), "error")
-            now = time.perf_counter()
+            now = self._now()
             self._due[topic] = now + max(_PERIOD, (now - start) * (1 / _SHARE - 1))
+
+    def _now(self) -> float:
+        """Return the time that those that are dear wait by [s]."""
+        if self._live.views.is_recorded:  # Else it would depend on the machine.
+            return self._live.simulation.time
+        return time.perf_counter()
 
     def handle(self, event_id: str, value: object) -> bool:
         """Do what was clicked, and return whether it was one of these widgets."""
@@ -360,7 +406,7 @@ class Displays(Part):
         self._shown[topic].draw(message)
 
 
-def find_sensor(live: Live, topic: str) -> Any:
+def find_sensor(live: Drawn, topic: str) -> Any:
     """Return the camera or lidar that publishes on a topic; None if none does."""
     for manager in live.simulation.directory.managers.values():
         for sensor in manager.sensors:
@@ -384,7 +430,7 @@ def _to_array(point: Any) -> Array:
     return np.array([point.x, point.y, point.z])
 
 
-def make_displays(live: Live) -> Displays:
+def make_displays(live: Drawn) -> Displays:
     """Return the section of a simulation; it is empty without topics to draw."""
     topics = {
         row.name: DISPLAYS[row.type]

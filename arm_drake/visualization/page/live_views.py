@@ -248,6 +248,11 @@ class LiveViews:
         self._views.update(poses)
         self.readout.update(self._named(poses), self._fixed_frame)
 
+    @property
+    def is_recorded(self) -> bool:
+        """Whether what is drawn is kept for a recording."""
+        return self._is_recorded
+
     def end_recording(self) -> None:
         """Leave out what would stand still in a recording: contact forces."""
         for arrows in self._arrows.values():

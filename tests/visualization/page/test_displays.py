@@ -72,7 +72,7 @@ def test_a_path_goes_on_from_where_the_base_is(
     points: list[np.ndarray] = []
     display = OdometryPath(live, "/odom", "/drake/displays/odom")
     monkeypatch.setattr(
-        display._trail, "append", lambda time, point: points.append(np.array(point))
+        display._trail, "append", lambda time, point, **_: points.append(point.copy())
     )
     start = live.simulation.link_poses()["base_link"].translation()
 
