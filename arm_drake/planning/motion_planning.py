@@ -196,7 +196,8 @@ class Plan:
 def plan(robot: Robot | Running, to: Target | Sequence[Target], **options: Any) -> Plan:
     """Return a motion of a group of joints to a goal that collides with nothing.
 
-    The same arguments give the same plan, if it is found in time. A way around
+    The same arguments give the same plan, whatever the machine, unless a `time_limit`
+    ends the search. A way around
     something needs the extra `planning`; free and straight lines don't.
 
     Args:
@@ -454,7 +455,8 @@ def _plan_leg(problem: _Problem, start: np.ndarray, target: Target) -> _Leg:
             fraction=part,
         )
     goals = _find_goals(problem, start, target)
-    deadline = time.monotonic() + problem.options.time_limit
+    limit = problem.options.time_limit
+    deadline = None if limit is None else time.monotonic() + limit
     for number, coarser in enumerate(_COARSER):
         step = coarser * problem.model.fine_step
         path = _find_path(problem, start, goals, step, deadline, number)
@@ -571,7 +573,7 @@ def _find_path(
     start: np.ndarray,
     goals: Sequence[np.ndarray],
     step: float,
-    deadline: float,
+    deadline: float | None,
     number: int,
 ) -> np.ndarray:
     """Return the corners of a way to one of the goals, checked at steps."""
@@ -580,14 +582,14 @@ def _find_path(
             return np.array([start, goal])
     try:
         with unbroken():  # Else Ctrl-C is an ImportError.
-            from arm_drake.planning.search import find_way
+            from arm_drake.planning.search import ITERATIONS, find_way
     except ImportError:
         raise MissingExtraError("a plan around something", "planning") from None
     lower, upper = problem.limits()
     should_stop = problem.options.should_stop
 
     def is_over() -> bool:
-        late = time.monotonic() > deadline
+        late = deadline is not None and time.monotonic() > deadline
         return late or (should_stop is not None and should_stop())
 
     ends = np.array([start, *goals])
@@ -600,15 +602,22 @@ def _find_path(
         (np.minimum(lower, ends.min(axis=0)), np.maximum(upper, ends.max(axis=0))),
         step=step,
         is_over=is_over,
+        is_timed=deadline is not None,
         seed=1 + problem.options.seed + 7919 * number,
         tilt=None if problem.tilt is None else problem.tilt.widened([start, *goals]),
     )
     if way is None and should_stop is not None and should_stop():
         raise PlanningError("no plan: the search was stopped")
     if way is None:
+        ended, more = "in time", "a longer time_limit"
+        if deadline is None:
+            ended, more = (
+                f"in {ITERATIONS} iterations",
+                "a time_limit, to go on with it,",
+            )
         raise PlanningError(
-            "no plan in time: RRT-Connect found no way from the start to any of "
-            f"{len(goals)} goals; a longer time_limit or a smaller padding may help"
+            f"no plan {ended}: RRT-Connect found no way from the start to any of "
+            f"{len(goals)} goals; {more} or a smaller padding may help"
         )
     return way
 

@@ -20,8 +20,12 @@ _TRIES = 30
 # samples are far from where a way is. Then everything, then all of it again, longer.
 _BEYOND = 1.0, 2.0, math.inf
 
-# Iterations of the first searches.
-_ITERATIONS = 1000
+# Iterations of the first searches, and how often they are begun anew with twice as many
+# where no time is set: a count, too.
+_ITERATIONS, _ROUNDS = 1000, 3
+
+# Iterations of all of them.
+ITERATIONS = _ITERATIONS * len(_BEYOND) * (2**_ROUNDS - 1)
 
 # Trees grow by no longer steps [rad] or [m]: OMPL's fifth of the space would be 5 rad.
 _GROWTH = 0.8
@@ -73,6 +77,7 @@ def find_way(
     *,
     step: float,
     is_over: Callable[[], bool],
+    is_timed: bool,
     seed: int,
     tilt: Tilt | None = None,
 ) -> np.ndarray | None:
@@ -85,13 +90,15 @@ def find_way(
         bounds: Lower and upper ends of the joints.
         step: How far apart checks on an edge are, in the model's norm.
         is_over: Whether to give up.
+        is_timed: Whether only that ends the search, not a number of iterations.
         seed: Seed of the random search, above 0.
         tilt: How far a link may tilt on the way; its steps are then the corners.
     """
     util.noOutputHandler()
     util.RNG.setSeed(seed)
     ends = np.array([start, *goals])
-    for search in itertools.count():
+    way = None
+    for search in itertools.count() if is_timed else range(_ROUNDS * len(_BEYOND)):
         again, stage = divmod(search, len(_BEYOND))
         low = np.maximum(bounds[0], ends.min(axis=0) - _BEYOND[stage])
         high = np.minimum(bounds[1], ends.max(axis=0) + _BEYOND[stage])
