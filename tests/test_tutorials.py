@@ -9,6 +9,8 @@ import pytest
 
 from arm_drake.cli import main
 from arm_drake.description.bundled import bundled_motions, bundled_robots
+from arm_drake.simulation.motion import Task
+from arm_drake.simulation.motion_files import load_motion
 from tests.launch.test_expected_plans import launch_folder
 from tests.robots import read_index, robots_folder
 
@@ -51,9 +53,8 @@ def test_a_command_runs(
         # What is about the page needs one, without anybody who looks.
         is_page = any(word in words for word in ("--curve", "--keyboard"))
         words += ["--no-open"] if is_page else ["--headless"]
-        # What plans takes the time that it needs.
-        durations = {"plan_to_poses": ["--duration", "6"], "pick_by_camera": []}
-        words += durations.get(words[-2], ["--duration", str(DURATION)])
+        # What is planned takes the time that it needs.
+        words += [] if is_planned(words) else ["--duration", str(DURATION)]
     if words[0] == "view" or (words[0] == "launch" and "--headless" not in words):
         # Without a browser: what it shows can be loaded, and the pose is one.
         words = [*words, "--json"]
@@ -64,6 +65,15 @@ def test_a_command_runs(
     code = main(words)
 
     assert code == 0, capsys.readouterr().err
+
+
+def is_planned(words: list[str]) -> bool:
+    """Whether a motion of a command has steps that are planned."""
+    if "--motion" not in words:
+        return False
+    file = bundled_motions(words[1]).get(words[words.index("--motion") + 1])
+    steps = () if file is None else load_motion(file).steps
+    return any(isinstance(step.message, Task) for step in steps)
 
 
 def _end_at_once(viewer: object) -> None:

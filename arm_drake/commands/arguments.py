@@ -536,8 +536,7 @@ def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
         "--time-limit",
         metavar="S",
         type=positive,
-        default=5.0,
-        help="how long to look for a way [s] (5)",
+        help="how long to look for a way [s] (a number of iterations)",
     )
     add("--seed", metavar="N", type=int, default=0, help="of the random search (0)")
     add("-o", "--output", metavar="FILE.yaml", type=Path, help="motion to write")

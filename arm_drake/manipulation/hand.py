@@ -188,8 +188,8 @@ class PickOptions:
     velocity_scaling: float = 1.0
     acceleration_scaling: float = 1.0
 
-    # How long to look for a way [s], and the seed of the search.
-    time_limit: float = 5.0
+    # How long to look for a way, as that of `plan`, and the seed of the search.
+    time_limit: float | None = None
     seed: int = 0
 
     def __post_init__(self) -> None:

@@ -198,7 +198,8 @@ class Plan:
 def plan(robot: Robot | Running, to: Target | Sequence[Target], **options: Any) -> Plan:
     """Return a motion of a group of joints to a goal that collides with nothing.
 
-    The same arguments give the same plan, if it is found in time. A way around
+    The same arguments give the same plan, whatever the machine, unless a `time_limit`
+    ends the search. A way around
     something needs the extra `planning`; free and straight lines don't.
 
     Args:
@@ -440,7 +441,8 @@ def _plan_leg(problem: _Problem, start: np.ndarray, target: Target) -> _Leg:
     if problem.options.straight:
         return _plan_line(problem, start, target)
     goals = _find_goals(problem, start, target)
-    deadline = time.monotonic() + problem.options.time_limit
+    limit = problem.options.time_limit
+    deadline = None if limit is None else time.monotonic() + limit
     path = np.array([start])
     for number, coarser in enumerate(_COARSER):
         step = coarser * problem.model.fine_step
@@ -590,7 +592,7 @@ def _find_path(
     start: np.ndarray,
     goals: Sequence[np.ndarray],
     step: float,
-    deadline: float,
+    deadline: float | None,
     number: int,
 ) -> np.ndarray:
     """Return the corners of a way to one of the goals, checked at steps."""
@@ -599,14 +601,14 @@ def _find_path(
             return np.array([start, goal])
     try:
         with unbroken():  # Else Ctrl-C is an ImportError.
-            from arm_drake.planning.search import find_way
+            from arm_drake.planning.search import ITERATIONS, find_way
     except ImportError:
         raise MissingExtraError("a plan around something", "planning") from None
     lower, upper = problem.limits()
     should_stop = problem.options.should_stop
 
     def is_over() -> bool:
-        late = time.monotonic() > deadline
+        late = deadline is not None and time.monotonic() > deadline
         return late or (should_stop is not None and should_stop())
 
     ends = np.array([start, *goals])
@@ -619,16 +621,23 @@ def _find_path(
         (np.minimum(lower, ends.min(axis=0)), np.maximum(upper, ends.max(axis=0))),
         step=step,
         is_over=is_over,
+        is_timed=deadline is not None,
         seed=1 + problem.options.seed + 7919 * number,
         tilt=None if problem.tilt is None else problem.tilt.widened([start, *goals]),
     )
     if way is None and should_stop is not None and should_stop():
         raise PlanningError("no plan: the search was stopped")
     if way is None:
+        ended, more = "in time", "a longer time_limit"
+        if deadline is None:
+            ended, more = (
+                f"in {ITERATIONS} iterations",
+                "a time_limit, to go on with it,",
+            )
         which = "the goal" if len(goals) == 1 else f"any of {len(goals)} goals"
         raise PlanningError(
-            "no plan in time: RRT-Connect found no way from the start to "
-            f"{which}; a longer time_limit or a smaller padding may help"
+            f"no plan {ended}: RRT-Connect found no way from the start to {which}; "
+            f"{more} or a smaller padding may help"
         )
     return way
 

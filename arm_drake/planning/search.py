@@ -24,8 +24,11 @@ _BEYOND = 1.0, 2.0, math.inf
 # own: one in more of it finds little that the search in all of it doesn't.
 _PART = 0.1
 
-# Iterations of the first searches.
+# Iterations of the first searches, which are begun anew with twice as many.
 _ITERATIONS = 1000
+
+# Iterations of all of them where no time is set: a count, too.
+ITERATIONS = 21 * _ITERATIONS
 
 # Trees grow by no longer steps [rad] or [m]: OMPL's fifth of the space would be 5 rad.
 _GROWTH = 0.8
@@ -77,6 +80,7 @@ def find_way(
     *,
     step: float,
     is_over: Callable[[], bool],
+    is_timed: bool,
     seed: int,
     tilt: Tilt | None = None,
 ) -> np.ndarray | None:
@@ -89,17 +93,24 @@ def find_way(
         bounds: Lower and upper ends of the joints.
         step: How far apart checks on an edge are, in the model's norm.
         is_over: Whether to give up.
+        is_timed: Whether only that ends the search, not a number of iterations.
         seed: Seed of the random search, above 0.
         tilt: How far a link may tilt on the way; its steps are then the corners.
     """
     util.noOutputHandler()
     util.RNG.setSeed(seed)
     ends = np.array([start, *goals])
-    boxes = _find_boxes(ends, bounds)
+    boxes, way, left = _find_boxes(ends, bounds), None, ITERATIONS
     for search in itertools.count():
         again, stage = divmod(search, len(boxes))
         information = _find_information(model, boxes[stage], step, tilt)
-        way = _search(information, ends, is_over, _ITERATIONS << again)
+        iterations = _ITERATIONS << again
+        if not is_timed:
+            iterations = min(iterations, left)
+            left -= iterations
+        if not iterations:
+            break
+        way = _search(information, ends, is_over, iterations)
         if way is not None or is_over():
             break
     if way is None:

@@ -103,8 +103,9 @@ class PlanOptions:
     # Distance that counts as a collision [m].
     padding: float = 0.005
 
-    # How long to look for a way to each goal [s].
-    time_limit: float = 5.0
+    # How long to look for a way to each goal, by the clock [s]; None is for a number of
+    # iterations, so that the outcome doesn't depend on the machine's speed.
+    time_limit: float | None = None
 
     # Seed of the random search, at least 0.
     seed: int = 0
@@ -116,7 +117,7 @@ class PlanOptions:
         """Raise InputError for what can't be."""
         scalings = "velocity_scaling", "acceleration_scaling"
         given = [name for name in scalings if getattr(self, name) is not None]
-        for name in (*given, "padding", "time_limit"):
+        for name in (*given, "padding"):
             value = getattr(self, name)
             if not isinstance(value, int | float):
                 raise InputError(f"{name}: expected a number, got {value!r}")
@@ -129,9 +130,12 @@ class PlanOptions:
         if not 0.0 <= self.padding < math.inf:
             expected = "expected a distance of at least 0 m"
             raise InputError(f"padding: {expected}, got {self.padding}")
-        if not 0.0 < self.time_limit < math.inf:
+        limit = self.time_limit
+        if not isinstance(limit, int | float | None):
+            raise InputError(f"time_limit: expected a number, got {limit!r}")
+        if limit is not None and not 0.0 < limit < math.inf:
             expected = "expected a positive time [s]"
-            raise InputError(f"time_limit: {expected}, got {self.time_limit}")
+            raise InputError(f"time_limit: {expected}, got {limit}")
         constraint = self.path_constraint
         if not isinstance(constraint, OrientationConstraint | None):
             expected = "expected an OrientationConstraint"

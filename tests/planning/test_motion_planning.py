@@ -246,6 +246,41 @@ def test_no_way_in_time_is_an_error(doosan: ad.Robot) -> None:
     assert str(caught.value).startswith("no plan in time: RRT-Connect found no way")
 
 
+def test_a_slow_clock_changes_nothing(
+    doosan: ad.Robot, around: ad.Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hours = itertools.count(0.0, 3600.0)
+    monkeypatch.setattr(time, "monotonic", lambda: next(hours))
+
+    plan = ad.plan(doosan, END, start=START, world=with_a_post)
+
+    assert np.array_equal(positions_of(plan), positions_of(around))
+
+
+def test_a_search_ends_by_its_count_of_iterations(
+    doosan: ad.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("ompl")
+    asked = 0
+
+    def is_edge_free(model: CollisionModel, *line: object) -> bool:
+        nonlocal asked
+        asked += 1
+        return False
+
+    monkeypatch.setattr(CollisionModel, "is_edge_free", is_edge_free)
+
+    with pytest.raises(ad.PlanningError) as caught:
+        ad.plan(doosan, END, start=START, world=with_a_post)
+
+    assert str(caught.value) == (
+        "no plan in 21000 iterations: RRT-Connect found no way from the start to any "
+        "of 1 goals; a time_limit, to go on with it, or a smaller padding may help"
+    )
+    # Each iteration asks at least once, but for the sample that is in collision.
+    assert 10_000 < asked < 100_000
+
+
 def test_without_the_extra_it_is_named(
     doosan: ad.Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -354,7 +389,6 @@ def test_a_glass_is_kept_upright_on_the_way_around_a_post(doosan: ad.Robot) -> N
         start=start,
         world=with_a_post,
         path_constraint=ad.OrientationConstraint("link6", most),
-        time_limit=100.0,
     )
 
     model = pin.buildModelFromXML(doosan.description.source)
