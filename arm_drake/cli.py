@@ -106,6 +106,15 @@ def make_parser() -> argparse.ArgumentParser:
 _USAGE_ERROR = 2
 
 
+def _end_soon() -> None:
+    """Spare Python's end the search for garbage in all that is there: half a second.
+
+    OMPL takes what isn't found for leaks, and says so.
+    """
+    if "ompl" not in sys.modules:
+        gc.freeze()
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code.
 
@@ -117,9 +126,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     options = parse_arguments(arguments)
-    # Python's end looks for garbage among all that is there, for half a second.
-    atexit.unregister(gc.freeze)
-    atexit.register(gc.freeze)
+    atexit.unregister(_end_soon)
+    atexit.register(_end_soon)
     try:
         check_process()
         # Numbers beyond all bounds are a user's: what comes of them is said by us.
