@@ -131,7 +131,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         check_process()
         # Numbers beyond all bounds are a user's: what comes of them is said by us.
-        import numpy as np
+        with unbroken():  # numpy would make an ImportError of Ctrl-C.
+            import numpy as np
 
         with terminating(), np.errstate(all="ignore"):
             code = _COMMANDS[options.command].run(options)

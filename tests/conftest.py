@@ -1,10 +1,12 @@
 """What holds for all tests."""
 
 import signal
-import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from arm_drake.description import packages
 
 _HERE = Path(__file__).parent
 
@@ -22,10 +24,13 @@ def pytest_configure() -> None:
 @pytest.fixture(scope="session", autouse=True)
 def tests_that_find_no_packages_of_others(
     tmp_path_factory: pytest.TempPathFactory,
-) -> None:
-    # The search for packages ends at the folder of temporary files: of each test's own
-    # folder those of others are siblings, with robots of the same names.
-    tempfile.tempdir = str(tmp_path_factory.getbasetemp())
+) -> Iterator[None]:
+    # Of each test's own folder those of others are siblings, with robots of the same
+    # names.
+    real, folder = packages.shared_folders, tmp_path_factory.getbasetemp().resolve()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(packages, "shared_folders", lambda: (*real(), folder))
+        yield
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

@@ -420,12 +420,10 @@ class PackageFinder:
         owners = [i for i, p in enumerate(parents) if os.path.isfile(p / "package.xml")]
         self._own = parents[owners[0]] if owners else None
         del parents[(owners[0] if owners else 1) + _WORKSPACE_HEIGHT :]
-        # An entry file in the home folder must not start a walk through all of it, and
-        # what lies in the folder of temporary files belongs to nobody.
-        shared = (_home(), Path(tempfile.gettempdir()).resolve())
+        ends = shared_folders()
         self._ancestors = list(
             itertools.takewhile(
-                lambda folder: folder not in (folder.parent, *shared), parents
+                lambda folder: folder not in (folder.parent, *ends), parents
             )
         )
         self.package_paths = tuple(path.absolute() for path in package_paths)
@@ -597,6 +595,15 @@ class PackageFinder:
         if root not in self._scanned:
             self._scanned[root] = dict(_packages_below(root))
         return self._scanned[root]
+
+
+def shared_folders() -> tuple[Path | None, ...]:
+    """Return where the search for packages around a file ends.
+
+    One in the home folder must not start a walk through all of it, and what lies in the
+    folder of temporary files belongs to nobody.
+    """
+    return _home(), Path(tempfile.gettempdir()).resolve()
 
 
 def _home() -> Path | None:

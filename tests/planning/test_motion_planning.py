@@ -274,8 +274,8 @@ def test_a_search_ends_by_its_count_of_iterations(
         ad.plan(doosan, END, start=START, world=with_a_post)
 
     assert str(caught.value) == (
-        "no plan in 21000 iterations: RRT-Connect found no way from the start to any "
-        "of 1 goals; a time_limit, to go on with it, or a smaller padding may help"
+        "no plan in 21000 iterations: RRT-Connect found no way from the start to the "
+        "goal; a time_limit, to go on with it, or a smaller padding may help"
     )
     # Each iteration asks at least once, but for the sample that is in collision.
     assert 10_000 < asked < 100_000
