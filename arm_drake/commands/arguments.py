@@ -267,7 +267,7 @@ def _add_shown_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TOPIC",
         action="append",
         default=[],
-        help="draw what a topic says, in --record, too: odometry, scan, points, wrench",
+        help="draw what a topic says: odometry, scan, points, wrench (not in --record)",
     )
     add_page_arguments(parser)
 

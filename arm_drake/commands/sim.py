@@ -276,6 +276,7 @@ def _simulate_headless(
                     progress=say.progress,
                 )
                 views.end_recording()
+                displays.end_recording()
 
         wall_time = _measure(run, simulation, say)
         alive = meshcat if page.is_alive else None
@@ -350,6 +351,13 @@ def _show_live(options: argparse.Namespace, live: "LiveSimulation") -> None:
         find_part(live.parts, Displays).show(topic)
 
 
+def _end_recording(live: "LiveSimulation") -> None:
+    """Leave out what would stand still in a recording of a page."""
+    live.views.end_recording()
+    for part in live.parts:
+        part.end_recording()
+
+
 def _measure(run: Callable[[], None], simulation: Simulation, say: Speaker) -> float:
     """Run a simulation up to its end or Ctrl-C; return the wall time it took [s]."""
     start = time.perf_counter()
@@ -410,7 +418,7 @@ def _simulate_live(options: argparse.Namespace, scene: Scene, say: Speaker) -> i
             _measure(run, simulation, say)
         alive = page.meshcat if page.is_alive else None
         if alive is not None:
-            live.views.end_recording()
+            _end_recording(live)
         if is_over := is_interrupted() or live.is_ended:
             say.line(f"stopped at {simulation.time:.2f} s")
         code = _finish(options, simulation, live.wall_time, alive, say)

@@ -176,7 +176,7 @@ def find_classic_topics(
     plugin: GazeboPlugin, names: Mapping[str, str]
 ) -> dict[str, str]:
     """Return the full names of topics of a plugin of Gazebo Classic."""
-    namespace = next(iter(plugin.texts("ros/namespace")), "")
+    namespace = plugin.text("ros/namespace")
     # A rule's ~ is the plugin's node.
     node = f"{namespace}/{plugin.name}"
     rules = [text.replace("~", node, 1) for text in plugin.texts("ros/remapping")]

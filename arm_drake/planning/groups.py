@@ -6,7 +6,7 @@ controllers, each a group of its name: a robot without an SRDF has groups, too.
 
 import dataclasses as dc
 import weakref
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -111,8 +111,7 @@ def _find_position_only(robot: Robot) -> set[str]:
     Other parameters are those of MoveIt's solvers: they are reported.
     """
     found = set()
-    for file in find_srdf_files(robot):
-        content = load_beside(file, _KINEMATICS_FILE)
+    for file, content in read_moveit_files(robot, _KINEMATICS_FILE):
         for name, row in content.items():
             if not isinstance(row, dict):
                 continue
@@ -120,7 +119,7 @@ def _find_position_only(robot: Robot) -> set[str]:
                 found.add(str(name))
             report_ignored(
                 robot,
-                file.parent / _KINEMATICS_FILE,
+                file,
                 f"group {name!r}",
                 [key for key in row if key != _POSITION_ONLY],
             )
@@ -137,20 +136,22 @@ def report_ignored(
         robot.report.add("info", "ignored", what, done, where=where, file=file)
 
 
-def load_beside(file: Path, name: str) -> dict[str, Any]:
-    """Return what a YAML file beside an SRDF says, nothing if it isn't there.
+def read_moveit_files(robot: Robot, name: str) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Yield the YAML files of a name beside a robot's SRDF files, and what they say.
 
     Raises:
-        InputError: If it can't be read.
+        InputError: If one can't be read.
     """
-    path = file.parent / name
-    if not path.is_file():
-        return {}
-    try:
-        content = yaml_files.load(path)
-    except yaml_files.YamlError as error:
-        raise InputError(error.problem, file=path, line=error.line) from None
-    return content if isinstance(content, dict) else {}
+    folders = dict.fromkeys(file.parent for file in find_srdf_files(robot))
+    for path in (folder / name for folder in folders):
+        if not path.is_file():
+            continue
+        try:
+            content = yaml_files.load(path)
+        except yaml_files.YamlError as error:
+            raise InputError(error.problem, file=path, line=error.line) from None
+        if isinstance(content, dict):
+            yield path, content
 
 
 def find_group(robot: Robot, group: str | Collection[str] | None) -> PlanningGroup:

@@ -199,8 +199,8 @@ def plan(robot: Robot | Running, to: Target | Sequence[Target], **options: Any) 
     """Return a motion of a group of joints to a goal that collides with nothing.
 
     The same arguments give the same plan, whatever the machine, unless a `time_limit`
-    ends the search. A way around
-    something needs the extra `planning`; free and straight lines don't.
+    ends the search. A way around something needs the extra `planning`; free and
+    straight lines don't.
 
     Args:
         robot: The robot; its base is at its pose and doesn't move. Or a simulation:

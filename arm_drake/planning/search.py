@@ -27,7 +27,7 @@ _PART = 0.1
 # Iterations of the first searches, which are begun anew with twice as many.
 _ITERATIONS = 1000
 
-# Iterations of all of them where no time is set: a count, too.
+# Iterations of all of them where no time is set: the same on every machine.
 ITERATIONS = 21 * _ITERATIONS
 
 # Trees grow by no longer steps [rad] or [m]: OMPL's fifth of the space would be 5 rad.

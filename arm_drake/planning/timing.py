@@ -26,8 +26,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from arm_drake.description.joints import last_master
 from arm_drake.description.robot import Robot
-from arm_drake.description.srdf import find_srdf_files
-from arm_drake.planning.groups import load_beside, report_ignored
+from arm_drake.planning.groups import read_moveit_files, report_ignored
 from arm_drake.plant.drake_log import drake_messages
 from arm_drake.plant.payloads import Payload
 from arm_drake.plant.plant import make_reduced_plant, trial_plant
@@ -114,12 +113,11 @@ def _read_limits(robot: Robot) -> _Limits:
     """Read what is said; of several files the last one that says it counts."""
     rows: dict[str, Mapping[str, Any]] = {}
     scaling = dict.fromkeys(_SCALING, 1.0)
-    for file in find_srdf_files(robot):
-        content = load_beside(file, _LIMITS_FILE)
-        path = file.parent / _LIMITS_FILE
+    for path, content in read_moveit_files(robot, _LIMITS_FILE):
         named = content.get("joint_limits")
-        if isinstance(named, dict):
-            rows |= {k: row for k, row in named.items() if isinstance(row, dict)}
+        own = named if isinstance(named, dict) else {}
+        own = {name: row for name, row in own.items() if isinstance(row, dict)}
+        rows |= own
         for name in set(scaling) & set(content):
             value = content[name]
             if isinstance(value, int | float) and 0.0 < value <= 1.0:
@@ -129,7 +127,7 @@ def _read_limits(robot: Robot) -> _Limits:
             robot.report.add(
                 "warning", "invalid", what, "it is 1", where=name, file=path
             )
-        for name, row in rows.items():
+        for name, row in own.items():
             # A flag that isn't set says nothing.
             ignored = [key for key in row if key not in _KEYS and row[key] is not False]
             report_ignored(robot, path, f"joint {name!r}", ignored)

@@ -226,16 +226,6 @@ def test_the_search_stops_at_the_folders_of_home_and_of_temporary_files(
         finder.find("meshes")
 
 
-def test_the_search_stops_at_the_folder_of_temporary_files(tmp_path, monkeypatch):
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    package = add_package(tmp_path / "arm")
-    add_package(tmp_path / "meshes")
-    finder = PackageFinder(entry_of(package))
-
-    with pytest.raises(PackageError):
-        finder.find("meshes")
-
-
 def test_the_search_of_a_folder_is_bounded(tmp_path, monkeypatch):
     monkeypatch.setattr("arm_drake.description.packages._MAX_FOLDERS", 3)
     package = add_package(tmp_path / "ws" / "arm")

@@ -4,7 +4,7 @@ import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +27,8 @@ from arm_drake.messages import (
 from arm_drake.messages.sensors import ContactsState, ContactState
 from arm_drake.perception.cameras import R_SENSOR_OPTICAL, Camera
 from arm_drake.perception.images import to_colors, to_points
-from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.contact_arrows import ContactArrows
-from arm_drake.visualization.page.live_views import LiveViews
-from arm_drake.visualization.page.parts import Part
-from arm_drake.visualization.page.scene import Scene
+from arm_drake.visualization.page.parts import Drawn, Part
 from arm_drake.visualization.page.widgets import Section, Toggle
 from arm_drake.visualization.trail import Trail
 
@@ -54,22 +51,6 @@ _PERIOD, _SHARE = 0.1, 0.25
 
 # The arrow of a robot's weight is so long, in parts of the robot's size.
 _WEIGHT_LENGTH, _GRAVITY, _SMALLEST_SIZE = 0.5, 9.81, 0.1
-
-
-class Drawn(Protocol):
-    """Where displays draw what a simulation says: a LiveSimulation, or a recording."""
-
-    @property
-    def page(self) -> Scene:
-        """Where it is shown."""
-
-    @property
-    def simulation(self) -> Simulation:
-        """What runs now."""
-
-    @property
-    def views(self) -> LiveViews:
-        """What is shown of it."""
 
 
 class Display(ABC):
@@ -361,6 +342,12 @@ class Displays(Part):
                 self._live.page.say(str(error), "error")
             now = self._now()
             self._due[topic] = now + max(_PERIOD, (now - start) * (1 / _SHARE - 1))
+
+    def end_recording(self) -> None:
+        """Leave out what would stand still in a recording: forces."""
+        for display in self._shown.values():
+            if isinstance(display, _Forces):
+                display.clear()
 
     def _now(self) -> float:
         """Return the time that those that are dear wait by [s]."""

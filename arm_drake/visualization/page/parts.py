@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from arm_drake.scene import Scene as SimulatedScene
 
 
-class Live(Protocol):
-    """What a part knows of the LiveSimulation that it belongs to."""
+class Drawn(Protocol):
+    """A simulation that is drawn: on a page, or for a recording."""
 
     @property
     def page(self) -> Scene:
@@ -37,6 +37,10 @@ class Live(Protocol):
     @property
     def views(self) -> LiveViews:
         """What is shown of it, with the readout of a link."""
+
+
+class Live(Drawn, Protocol):
+    """What a part knows of the LiveSimulation that it belongs to."""
 
     @property
     def remotes(self) -> Sequence[Remote]:
@@ -115,6 +119,9 @@ class Part(ABC):
 
     def reset(self) -> None:  # noqa: B027  most have nothing to forget.
         """Begin anew, as the simulation does."""
+
+    def end_recording(self) -> None:  # noqa: B027
+        """Leave out what would stand still in a recording."""
 
 
 # What makes each part of a LiveSimulation, and of a RobotViewer, or None where there is

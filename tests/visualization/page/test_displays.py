@@ -34,7 +34,7 @@ from arm_drake.visualization.page.displays import (
 from arm_drake.visualization.page.live_simulation import LiveSimulation
 from arm_drake.visualization.page.parts import find_part
 from tests import carts
-from tests.visualization.scene import transform
+from tests.visualization.scene import is_visible, transform
 
 OPTIONS = ad.SimulationOptions(frame_rate=0.0)
 QUARTER = Quaternion(z=math.sqrt(0.5), w=math.sqrt(0.5))
@@ -162,6 +162,24 @@ def test_a_force_is_drawn_at_its_place_in_the_world(
     assert (point.x, point.y, point.z) == pytest.approx(tuple(place))
     along = X_WB.rotation() @ np.array([0.0, 3.0, 0.0])
     assert (force.force.x, force.force.y, force.force.z) == pytest.approx(tuple(along))
+
+
+def test_forces_would_stand_still_in_a_recording_and_are_left_out(
+    live: LiveSimulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    displays = displays_of(live)
+    force = WrenchArrow(live, "/force", "/drake/displays/force")
+    monkeypatch.setitem(displays._shown, "/force", force)
+    message = WrenchStamped(Header(frame_id="base_link"), Wrench(Vector3(0.0, 3.0)))
+    arrow = "/drake/contact_forces/force/0"
+
+    force.draw(message)
+    force.clear()
+    force.draw(message)
+    assert is_visible(live.page.meshcat, arrow)
+    displays.end_recording()
+
+    assert not is_visible(live.page.meshcat, arrow)
 
 
 def test_a_topic_that_nothing_draws_is_said(live: LiveSimulation) -> None:
