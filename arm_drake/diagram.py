@@ -23,6 +23,7 @@ from arm_drake.description.srdf import find_disabled_collisions
 from arm_drake.errors import InputError, suggest
 from arm_drake.hardware.drive_report import report_drive, report_friction, report_times
 from arm_drake.hardware.drives import (
+    are_all_pushed,
     commanded_joints,
     effort_limits,
     find_effort_only_joints,
@@ -451,14 +452,15 @@ def _add_drives(
     """Add what drives a robot's joints; return it with what makes its commands."""
     system, hardware_interfaces, controllers, report, _ = part
     robot, options = system.robot, system.options
-    holds = holds_joints(robot, report)
+    effort_only = find_effort_only_joints(robot, controllers)
+    holds = holds_joints(robot, report) and not are_all_pushed(robot, effort_only)
     drive = make_robot_drive(
         robot.description,
         robot.pose,
         options,
         plant.time_step(),
         declared_gains=find_drive_gains(robot, report),
-        effort_only=find_effort_only_joints(robot, controllers),
+        effort_only=effort_only,
         lets_go=may_let_go(robot, controllers) or not holds,
         grippers={joint.name for joint in find_gripper_joints(robot)},
         load_inertia=base.load_inertia,
@@ -482,6 +484,7 @@ def _add_drives(
         options=options,
         has_modes=commands.has_modes,
         has_limits=commands.has_limits,
+        only_pushes=not holds and effort_only.issuperset(drive.names),
     )
     return hardware, commands
 

@@ -591,3 +591,42 @@ def test_a_motion_of_twelve_topics_runs_the_tutorial_s_script():
     # 2.6 s.
     ends = [wrist[np.searchsorted(rollout.time, t)] for t in (2.65, 5.2, 7.85)]
     assert ends == pytest.approx([-1.5, 0.0, -1.5], abs=0.03)
+
+
+def _pushed(tmp_path, monkeypatch=None):
+    """Return what pushed joints do, with a servo that could hold them if patched."""
+    push = plugin(POSITION, ("joint_name", "elbow"), ("p_gain", 60), ("d_gain", 3))
+    pull = plugin(VELOCITY, ("joint_name", "shoulder"), ("use_force_commands", 1))
+    friction = "<dynamics damping='0.2' friction='0.1'/></joint>"
+    text = two_links(push, pull).replace("</joint>", friction)
+    robot = load(tmp_path, text)
+    if monkeypatch is not None:
+        monkeypatch.setattr("arm_drake.diagram.are_all_pushed", lambda *_: False)
+    sim = simulate(robot)
+    sim.topic("/model/two/joint/elbow/cmd_pos").publish(0.7)
+    sim.topic("/model/two/joint/shoulder/cmd_vel").publish(-0.4)
+    sim.advance_to(1.0)
+    return sim
+
+
+def test_pushed_joints_move_to_the_bit_as_with_a_servo(tmp_path, monkeypatch):
+    plain = _pushed(tmp_path)
+    full = _pushed(tmp_path, monkeypatch)
+
+    servos = [sim.diagram.GetSubsystemByName("servo") for sim in (plain, full)]
+    names = [{system.get_name() for system in servo.GetSystems()} for servo in servos]
+    assert "inverse_dynamics" in names[1] - names[0]
+    moved = [sim.rollout() for sim in (plain, full)]
+    assert np.abs(moved[0].velocity).max() > 0.1
+    for quantity in ("position", "velocity", "effort"):
+        assert np.array_equal(*(getattr(one, quantity) for one in moved))
+
+
+def test_nobody_holds_joints_that_plugins_no_longer_push(tmp_path):
+    sim = _pushed(tmp_path)
+
+    sim.switch_controllers(deactivate=("JointPositionController", "JointController"))
+    sim.advance_to(2.0)
+
+    late = sim.rollout().effort[1100:]
+    assert np.array_equal(late, np.zeros_like(late))

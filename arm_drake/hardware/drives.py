@@ -332,6 +332,16 @@ def find_effort_only_joints(
     return frozenset(name.rpartition("/")[0] for name in claimed) - moved
 
 
+def are_all_pushed(robot: Robot, effort_only: Collection[str]) -> bool:
+    """Return whether Gazebo's own plugins push all joints: then nobody holds them.
+
+    `effort_only` are the joints that follow efforts and nothing else.
+    """
+    joints = {joint.name for joint in commanded_joints(robot.description)}
+    is_all = bool(joints) and joints <= set(effort_only)
+    return is_all and all(c.plugins for c in robot.controllers.controllers)
+
+
 def may_let_go(robot: Robot, controllers: Iterable[LoadedController]) -> bool:
     """Return whether a joint may be commanded nothing but an effort."""
     return any(

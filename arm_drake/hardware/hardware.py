@@ -21,7 +21,7 @@ from arm_drake.description.sensors import accelerating_joints
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.hardware.drives import RobotDrive, add_rotors
 from arm_drake.hardware.joint_friction import make_robot_friction
-from arm_drake.hardware.servo import Wiring, make_joint_servo
+from arm_drake.hardware.servo import Wiring, make_joint_servo, make_push
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.plant import state_indices
 from arm_drake.plant.sensor_readings import ContactReadings, SensorReadings
@@ -84,11 +84,13 @@ def add_hardware(
     options: SimulationOptions,
     has_modes: bool = False,
     has_limits: bool = False,
+    only_pushes: bool = False,
 ) -> Hardware:
     """Add a robot's servo, friction and state interfaces, and connect the plant.
 
     `has_modes` says that joints may follow anything else than positions, `has_limits`
-    that effort and velocity may be limited at run time.
+    that effort and velocity may be limited at run time, `only_pushes` that no joint
+    ever follows anything but an effort.
     """
     names, alone = drive.names, drive.plant
     add_rotors(plant, dict(zip(names, drive.rotor_inertia, strict=True)), model)
@@ -101,7 +103,12 @@ def add_hardware(
             builder.Connect(state, friction.get_input_port())
             forces = friction.get_output_port()
     effort = command = None
-    if names:
+    if names and only_pushes and has_modes and not has_limits and drive.pid is None:
+        servo = make_push(drive.gains.effort_limit)
+        builder.AddNamedSystem(f"{prefix}servo", servo)
+        effort, command = servo.get_output_port(), servo.get_input_port()
+        builder.Connect(effort, plant.get_actuation_input_port(model))
+    elif names:
         at = state_indices(alone, alone.GetModelInstanceByName("robot"), names)
         known = forces if options.friction_compensation else None
         servo = builder.AddNamedSystem(

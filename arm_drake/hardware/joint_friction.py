@@ -1,4 +1,4 @@
-"""Dry friction of a robot's joints, as a Drake system in C++."""
+"""Dry friction of a robot's joints, as Drake systems in C++."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -6,13 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.symbolic import Expression, Variable
-from pydrake.systems.primitives import SymbolicVectorSystem
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import AffineSystem, Saturation, ZeroOrderHold
 
 from arm_drake.arrays import Array
 from arm_drake.control.servo import FrictionGains, compute_friction_gains
 from arm_drake.description.urdf import RobotDescription
-from arm_drake.hardware.servo import clamp
+from arm_drake.hardware.servo import Wiring
 from arm_drake.plant.joint_dynamics import (
     find_followers,
     sample_dynamics,
@@ -31,8 +31,8 @@ def make_dry_friction(
     velocities_at: list[int],
     num_velocities: int,
     h: float,
-) -> SymbolicVectorSystem:
-    """Return elastoplastic dry friction with true sticking.
+) -> Diagram:
+    """Return elastoplastic dry friction of n joints, with true sticking.
 
     The joint is held at an anchor a by a PD law that gives way at the friction f::
 
@@ -41,21 +41,46 @@ def make_dry_friction(
     The input is the robot's state, the output the generalized forces on the robot's
     velocities. The state is a less the initial positions, so that it starts at zero.
     """
-    x = [Variable(f"x{i}") for i in range(num_states)]
-    a = [Variable(f"a{i}") for i in range(len(friction))]
-    forces = [Expression(0.0)] * num_velocities
-    updates = []
-    for i, f in enumerate(friction):
-        q, v = x[positions_at[i]] - initial[i], x[velocities_at[i]]
-        tau = clamp(gains.kf[i] * (a[i] - q) - gains.df[i] * v, float(f))
-        forces[velocities_at[i] - (num_states - num_velocities)] = tau
-        updates.append(q + (tau + gains.df[i] * v) / gains.kf[i])
-    return SymbolicVectorSystem(
-        state=np.array(a),
-        input=np.array(x),
-        dynamics=np.array(updates),
-        output=np.array(forces),
-        time_period=h,
+    n = len(friction)
+    one, zero = np.eye(n), np.zeros((n, n))
+    kf, df = np.diag(gains.kf), np.diag(gains.df)
+    picked = np.eye(num_states)[[*positions_at, *velocities_at]]
+    start = np.concatenate([initial, np.zeros(n)])
+    D = np.zeros((num_velocities, n))
+    D[np.array(velocities_at) - (num_states - num_velocities), np.arange(n)] = 1.0
+    wiring = Wiring(DiagramBuilder())
+    builder = wiring.builder
+    hold = builder.AddNamedSystem("a", ZeroOrderHold(h, n))
+    away = wiring.add(
+        "away", _affine(picked, -start), wiring.source("state", num_states)
+    )
+    # Differences of positions are taken first: these are small.
+    gap = wiring.times(
+        "gap",
+        np.block([[-one, zero, one], [zero, one, zero]]),
+        wiring.join("anchored", [away, hold.get_output_port()]),
+    )
+    pull = wiring.times("pull", np.hstack([kf, -df]), gap)
+    limits = Saturation(min_value=-friction, max_value=friction)
+    tau = wiring.add("tau", limits, pull)
+    inverse = np.diag(1.0 / gains.kf)
+    anchor = np.hstack([one, inverse @ df, inverse])
+    moved = wiring.times("moved", anchor, wiring.join("pulled", [away, tau]))
+    builder.Connect(moved, hold.get_input_port())
+    builder.ExportOutput(wiring.times("forces", D, tau), "forces")
+    return builder.Build()
+
+
+def _affine(D: Array, y0: Array) -> AffineSystem:
+    """Return what computes D u + y0 of its input u."""
+    none = np.zeros((0, 0))
+    return AffineSystem(
+        A=none,
+        B=np.zeros((0, D.shape[1])),
+        f0=np.zeros(0),
+        C=np.zeros((len(D), 0)),
+        D=D,
+        y0=y0,
     )
 
 
@@ -82,7 +107,7 @@ def make_robot_friction(
     alone: MultibodyPlant,
     description: RobotDescription,
     initial: Mapping[str, float],
-) -> SymbolicVectorSystem | None:
+) -> Diagram | None:
     """Return the dry friction of a robot's joints, or None if there is none.
 
     `alone` is the plant of `make_servo_plant`.

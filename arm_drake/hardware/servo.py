@@ -572,6 +572,24 @@ def make_joint_servo(
     return diagram
 
 
+def make_push(effort_limit: Array) -> Diagram:
+    """Return the servo of n joints that follow nothing but efforts.
+
+    It is told the same as one with modes, and does the same where is_tau is always set.
+    The limits have the shape (n,).
+    """
+    n = len(effort_limit)
+    wiring = Wiring(DiagramBuilder())
+    command = wiring.source("command", NUM_PARTS * n)
+    told = np.eye(NUM_PARTS * n)[TAU_D * n : (TAU_D + 1) * n]
+    limits = Saturation(min_value=-effort_limit, max_value=effort_limit)
+    effort = wiring.add("effort", limits, wiring.times("told", told, command))
+    wiring.builder.ExportOutput(effort, "effort")
+    diagram = wiring.builder.Build()
+    diagram.set_name("servo")
+    return diagram
+
+
 def _add_efforts(
     wiring: "Wiring",
     laws: EffortLaws,
