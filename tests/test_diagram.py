@@ -493,3 +493,27 @@ def test_controllers_of_several_robots_are_named_with_their_robot() -> None:
     assert active(inactive=(first,)) == whole - {f"left/{first}", f"right/{first}"}
     with pytest.raises(InputError, match=f"no controller 'lft/{first}'; did you mean"):
         active(inactive=(f"lft/{first}",))
+
+
+@pytest.mark.parametrize(
+    ("robots", "expected"),
+    [
+        ("my.urdf", "expected a robot of load_robot('my.urdf'), got str"),
+        (None, "expected a robot of load_robot(...), got NoneType"),
+        ([1], "expected a robot of load_robot(...), got int"),
+    ],
+)
+def test_what_is_no_robot_is_told(robots, expected):
+    with pytest.raises(InputError) as caught:
+        ad.build_diagram(robots)
+
+    assert str(caught.value) == expected
+
+
+def test_a_robot_is_no_diagram_and_says_so_in_few_words():
+    robot = ad.load_robot("lab5_arm")
+
+    with pytest.raises(InputError, match=r"Diagram of build_diagram.*got Robot"):
+        ad.Simulation(robot)
+    assert len(repr(robot)) < 300
+    assert "joint_trajectory_controller" in repr(robot)

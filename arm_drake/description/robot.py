@@ -4,7 +4,7 @@ import dataclasses as dc
 import functools
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -132,6 +132,12 @@ class Robot:
     # Arguments of `load_robot` that made it, but for types of controllers.
     load_options: Mapping[str, Any] = dc.field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        """Return its name, what moves, and what commands that; its fields are long."""
+        joints = [joint.name for joint in self.description.movable_joints]
+        names = [controller.name for controller in self.controllers.controllers]
+        return f"<Robot {self.name!r}, joints {joints}, controllers {names}>"
+
     @property
     def title(self) -> str:
         """What it is called where there is room for one name: as it was asked for."""
@@ -170,7 +176,13 @@ class Robot:
 
 def list_robots(robots: Robot | Sequence[Robot]) -> list[Robot]:
     """Return one or several robots as a list."""
-    several = [robots] if isinstance(robots, Robot) else list(robots)
+    is_one = isinstance(robots, str) or not isinstance(robots, Iterable)
+    several = [robots] if is_one else list(robots)
+    for robot in several:
+        if not isinstance(robot, Robot):
+            source = repr(str(robot)) if isinstance(robot, str | Path) else "..."
+            got = f"got {type(robot).__name__}"
+            raise InputError(f"expected a robot of load_robot({source}), {got}")
     if not several:
         raise InputError("no robot was given; expected at least one")
     names = [robot.name for robot in several]

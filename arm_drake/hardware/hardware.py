@@ -12,7 +12,7 @@ import numpy as np
 from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import Adder, ConstantVectorSource, Multiplexer
 
 from arm_drake.description.report import LoadReport
@@ -103,41 +103,53 @@ def add_hardware(
             builder.Connect(state, friction.get_input_port())
             forces = friction.get_output_port()
     effort = command = None
-    if names and only_pushes and has_modes and not has_limits and drive.pid is None:
-        servo = make_push(drive.gains.effort_limit)
-        builder.AddNamedSystem(f"{prefix}servo", servo)
-        effort, command = servo.get_output_port(), servo.get_input_port()
-        builder.Connect(effort, plant.get_actuation_input_port(model))
-    elif names:
-        at = state_indices(alone, alone.GetModelInstanceByName("robot"), names)
-        known = forces if options.friction_compensation else None
-        servo = builder.AddNamedSystem(
-            f"{prefix}servo",
-            make_joint_servo(
+    if names:
+        pushes = only_pushes and has_modes and not has_limits and drive.pid is None
+        servo = (
+            make_push(drive.gains.effort_limit)
+            if pushes
+            else make_joint_servo(
                 alone,
                 drive.gains,
-                *at,
+                *state_indices(alone, alone.GetModelInstanceByName("robot"), names),
                 drive.N,
                 has_modes=has_modes,
                 has_limits=has_limits,
-                knows_friction=known is not None,
+                knows_friction=forces is not None and options.friction_compensation,
                 pid=drive.pid,
                 start=np.array([initial[name] for name in names]),
-            ),
+            )
         )
-        D = _reduced_state(plant, model, alone, description)
-        reduced = Wiring(builder).times(f"{prefix}servo_state", D, state)
-        builder.Connect(reduced, servo.GetInputPort("state"))
-        if known is not None:
-            D = _picked_velocities(plant, model, names)
-            braked = Wiring(builder).times(f"{prefix}servo_friction", D, known)
-            builder.Connect(braked, servo.GetInputPort("friction"))
+        builder.AddNamedSystem(f"{prefix}servo", servo)
+        if not pushes:
+            _tell_servo(builder, servo, plant, model, description, drive, forces)
         effort, command = servo.GetOutputPort("effort"), servo.GetInputPort("command")
         builder.Connect(effort, plant.get_actuation_input_port(model))
     motions, joint_states = add_state_interfaces(
         builder, plant, model, description, names, effort, prefix
     )
     return Hardware(names, command, joint_states, motions, forces, drive)
+
+
+def _tell_servo(
+    builder: DiagramBuilder,
+    servo: Diagram,
+    plant: MultibodyPlant,
+    model: ModelInstanceIndex,
+    description: RobotDescription,
+    drive: RobotDrive,
+    forces: OutputPort | None,
+) -> None:
+    """Connect what a servo reads: the state, and dry friction that it makes up for."""
+    prefix = servo.get_name().removesuffix("servo")
+    D = _reduced_state(plant, model, drive.plant, description)
+    state = plant.get_state_output_port(model)
+    reduced = Wiring(builder).times(f"{prefix}servo_state", D, state)
+    builder.Connect(reduced, servo.GetInputPort("state"))
+    if forces is not None and servo.HasInputPort("friction"):
+        D = _picked_velocities(plant, model, drive.names)
+        braked = Wiring(builder).times(f"{prefix}servo_friction", D, forces)
+        builder.Connect(braked, servo.GetInputPort("friction"))
 
 
 def _picked_velocities(

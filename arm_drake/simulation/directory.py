@@ -90,6 +90,14 @@ class Directory:
             for controller in manager.controllers
         }
 
+    @staticmethod
+    def checked(diagram: object) -> Diagram:
+        """Return a diagram; an InputError if it is something else."""
+        if isinstance(diagram, Diagram):
+            return diagram
+        got = f"got {type(diagram).__name__}"
+        raise InputError(f"expected the Diagram of build_diagram(robot), {got}")
+
     def manager(self, robot: str | None) -> ControllerManager:
         """Return a robot's controller manager; that of the first one for None."""
         if robot is None:

@@ -296,9 +296,9 @@ class Simulation:
             diagram: Diagram of `build_diagram`; with its robots and controllers in it.
 
         Raises:
-            InputError: If there is no robot in the diagram.
+            InputError: If it is none, or has no robot.
         """
-        self._take(diagram, Simulator(diagram))
+        self._take(diagram, Simulator(Directory.checked(diagram)))
         self._on_event: list[Callable[[SimulationEvent], None]] = []
         # Called between any two ticks, by who talks to others meanwhile. It returns the
         # time at which it wants to be called next at the latest [s], and may raise
