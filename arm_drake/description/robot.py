@@ -176,8 +176,9 @@ class Robot:
 
 def list_robots(robots: Robot | Sequence[Robot]) -> list[Robot]:
     """Return one or several robots as a list."""
-    is_one = isinstance(robots, str) or not isinstance(robots, Iterable)
-    several = [robots] if is_one else list(robots)
+    several: list[Any] = [robots]
+    if isinstance(robots, Iterable) and not isinstance(robots, str):
+        several = list(robots)
     for robot in several:
         if not isinstance(robot, Robot):
             source = repr(str(robot)) if isinstance(robot, str | Path) else "..."
