@@ -777,6 +777,40 @@ def test_a_plot_is_drawn_zoomed_saved_and_cleared(
     assert page.locator("#scene").bounding_box()["height"] == height
 
 
+def test_the_panel_is_made_wider_by_its_corner(
+    program: Live, browser: Browser
+) -> None:
+    size = ViewportSize(width=1600, height=900)
+    with look_at(browser, program.page.url, viewport=size) as screen:
+        page, mouse = screen.page, screen.page.mouse
+
+        def place(name: str) -> dict[str, float]:
+            box = page.locator(name).bounding_box()
+            assert box is not None
+            return dict(box)
+
+        before = place("#panel")
+        right, bottom = before["x"] + before["width"], before["y"] + before["height"]
+
+        def drag(to: float) -> None:
+            corner = place("#panel")
+            mouse.move(corner["x"] + corner["width"] - 4.0, bottom - 4.0)
+            mouse.down()
+            mouse.move(to, bottom - 4.0, steps=5)
+            mouse.up()
+
+        drag(right + 146.0)
+        wider, scene = place("#panel"), place("#scene")
+        drag(1500.0)
+        widest = place("#panel")
+
+    assert wider["width"] == pytest.approx(before["width"] + 150.0, abs=1.0)
+    # The scene has what is left, and the panel never takes more than its part.
+    assert scene["x"] == pytest.approx(wider["x"] + wider["width"], abs=1.0)
+    assert scene["x"] + scene["width"] == pytest.approx(1600.0, abs=1.0)
+    assert widest["width"] == pytest.approx(0.6 * 1600.0, abs=1.0)
+
+
 def test_on_a_phone_the_panel_leaves_the_scene_alone(
     program: Live, browser: Browser
 ) -> None:
