@@ -457,6 +457,9 @@ class TickingController(TickReader[S]):
     # Context. It holds for the class that says so, not for those derived from it.
     reads_by_now = False
 
+    # How many numbers its steady ticks have to remember, see `steady`.
+    num_remembered = 0
+
     def __init__(
         self,
         params: ControllerInterfaceParams,
@@ -564,7 +567,8 @@ class TickingController(TickReader[S]):
         """Return how it ticks from a state on as long as nothing comes.
 
         None where it always ticks in full, which is right for every controller. What it
-        returns has to leave the same behind, bit by bit.
+        returns has to leave the same behind, bit by bit. What it has to remember from
+        tick to tick is `num_remembered` numbers, which `remember` says of a state.
 
         Args:
             last: What the last tick left behind, with all that came until then.
@@ -573,6 +577,11 @@ class TickingController(TickReader[S]):
         del last, time_ns
         return None
 
+    def remember(self, state: S) -> Sequence[float]:
+        """Return what steady ticks remember of a state, `num_remembered` numbers."""
+        del state
+        return ()
+
     def resume(
         self,
         steady: SteadyTicks[S],
@@ -580,6 +589,7 @@ class TickingController(TickReader[S]):
         number: int,
         time_ns: int,
         motions: Array,
+        memory: Sequence[float],
     ) -> UpdateResult[S]:
         """Return what a steady tick has left behind, as `tick` does.
 
@@ -589,8 +599,9 @@ class TickingController(TickReader[S]):
             number: Number of the cycle.
             time_ns: Its time [ns].
             motions: What was measured in it, shape (2 J,).
+            memory: What the controller remembers of it.
         """
-        state = steady.state(time_ns, motions)
+        state = steady.state(time_ns, motions, memory)
         return UpdateResult(
             number,
             last.activation,

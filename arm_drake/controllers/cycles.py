@@ -88,8 +88,9 @@ STATE: Final = UpdateResult._fields.index("state")
 class SteadyTicks(Protocol[S_co]):
     """What a controller does from a state on while nothing comes, number by number.
 
-    Both methods are functions of their arguments and of that state alone, so the state
-    after any such tick follows from what was measured in it.
+    All methods are functions of their arguments and of that state alone, so the state
+    after any such tick follows from what was measured in it, and from the numbers that
+    the controller remembers, if any: see `TickingController.num_remembered`.
     """
 
     # From this time on it ticks in full, and from the other on it has to tell
@@ -106,13 +107,17 @@ class SteadyTicks(Protocol[S_co]):
         full. `motions` is what was measured in the last tick, at `last_ns`.
         """
 
-    def command(self, time_ns: int, motions: Array) -> Sequence[float] | None:
+    def command(
+        self, time_ns: int, motions: Array, memory: list[float]
+    ) -> Sequence[float] | None:
         """Return the values that a tick commands; None if it has to be one in full.
 
-        `motions` are positions and velocities of all J joints, shape (2 J,).
+        `motions` are positions and velocities of all J joints, shape (2 J,). In
+        `memory`, what the last tick has left, it puts what this one leaves, unless it
+        returns None.
         """
 
-    def state(self, time_ns: int, motions: Array) -> S_co:
+    def state(self, time_ns: int, motions: Array, memory: Sequence[float]) -> S_co:
         """Return the state that this tick leaves behind."""
 
 
@@ -136,14 +141,16 @@ class SteadyCommand(Generic[S]):
         del time_ns, last_ns, motions
         return None
 
-    def command(self, time_ns: int, motions: Array) -> Sequence[float]:
+    def command(
+        self, time_ns: int, motions: Array, memory: list[float]
+    ) -> Sequence[float]:
         """Return the values that a tick commands."""
-        del time_ns, motions
+        del time_ns, motions, memory
         return self._command
 
-    def state(self, time_ns: int, motions: Array) -> S:
+    def state(self, time_ns: int, motions: Array, memory: Sequence[float]) -> S:
         """Return the state that a tick leaves behind."""
-        del time_ns
+        del time_ns, memory
         return self._state if self._sense is None else self._sense(self._state, motions)
 
 

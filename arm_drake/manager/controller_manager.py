@@ -30,16 +30,15 @@ from arm_drake.controllers.controller_interface import (
 from arm_drake.controllers.cycles import Cycle, HardwareValues, messages_on
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
+from arm_drake.manager.claimants import Claimants, UpdateResults
 from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.manager.lifecycle import (
-    Claimants,
     Lifecycle,
     ManagerInputs,
     QuietTicks,
     SteadyCycles,
     SteadyTick,
     TickKeeper,
-    UpdateResults,
 )
 from arm_drake.manager.loaded_controllers import (
     LoadedController,
@@ -405,7 +404,7 @@ class ControllerManager(PythonSystem):
         self._switch = self.DeclareAbstractInputPort(SWITCH_PORT, nothing)
         self._measured = self.DeclareVectorInputPort(interfaces.STATE_PORT, 3 * J)
         self._keeper = self._make_keeper(systems, J)
-        claimants = Claimants(systems, self.commands, drive.joints)
+        self._claimants = claimants = Claimants(systems, self.commands, drive.joints)
         self._loop = Loop(
             self._lifecycle, claimants, drive, limits, hardware_interfaces
         )
@@ -434,8 +433,9 @@ class ControllerManager(PythonSystem):
         n = len(self._drive.joints)
         self._has_rate = has_rate(self.period, self._update_rate)
         # What steady cycles keep, and all of it but for the motions.
-        self._kept_struct = _numbers(1 + 2 * n + self._num_motions)
-        self._last_struct = _numbers(1 + 2 * n)
+        kept = 1 + 2 * n + self._claimants.num_remembered
+        self._kept_struct = _numbers(kept + self._num_motions)
+        self._last_struct = _numbers(kept)
         self._values_struct = _numbers(len(state.values))
         self._servo_struct = _numbers(self._num_servo)
         servo_input = self._drive.servo_input(state.drive)
@@ -596,9 +596,10 @@ class ControllerManager(PythonSystem):
         """Return the state after a steady cycle, of what it has written."""
         number, n = round(numbers[0]), len(self._drive.joints)
         times = cycle_times(number, self.period, self._update_rate)
-        rates, motions = np.split(numbers[1 + n :], [n])
+        m = n + self._claimants.num_remembered
+        rates, memory, motions = np.split(numbers[1 + n :], [n, m])
         drive = np.concatenate((servo_input, rates))
-        return steady.state(number, times, values, drive, motions)
+        return steady.state(number, times, values, drive, motions, memory.tolist())
 
     def write_state(self, context: Context, state: ManagerState) -> None:
         """Store a state in the manager's own context, for the next cycle."""
@@ -608,13 +609,14 @@ class ControllerManager(PythonSystem):
     def _steady_numbers(self, state: ManagerState) -> Array:
         """Return what steady cycles keep.
 
-        The number of the cycle, the first and the last part of the drive vector, and
-        what was measured.
+        The number of the cycle, the first and the last part of the drive vector, what
+        controllers remember, and what was measured.
         """
         drive, n = state.drive, len(self._drive.joints)
         first, last = drive[:n], drive[len(drive) - n :]
+        memory = self._claimants.remember(state.ticks)
         unknown = np.zeros(self._num_motions)
-        return np.concatenate(([state.cycle.number], first, last, unknown))
+        return np.concatenate(([state.cycle.number], first, last, memory, unknown))
 
     def _declare(
         self,
@@ -676,18 +678,22 @@ class ControllerManager(PythonSystem):
             self._quiet.remember(resumed)
             steady = resumed
         motions = self._keeper.motions.Eval(context)
-        found = steady.tick(time_ns, last[1:], motions)
+        n = len(self._drive.joints)
+        memory = list(last[1 + 2 * n :])
+        found = steady.tick(time_ns, last[1 : 1 + 2 * n], motions, memory)
         if found is None:
             return None
-        return SteadyTick(steady.base, number, motions, *found)
+        return SteadyTick(steady.base, number, motions, memory, *found)
 
     def _write_steadily(
         self, numbers: DiscreteValues, kept: Array, tick: SteadyTick
     ) -> None:
         """Write a steady cycle to the discrete state, of which `kept` is a part."""
-        _, number, motions, values, servo_input, rates = tick
+        _, number, motions, memory, values, servo_input, rates = tick
         first = servo_input[: len(rates)]
-        self._kept_struct.pack_into(kept, 0, number, *first, *rates, *motions.tolist())
+        self._kept_struct.pack_into(
+            kept, 0, number, *first, *rates, *memory, *motions.tolist()
+        )
         view = numbers.get_mutable_value(self._drive_state)
         self._servo_struct.pack_into(view, 0, *servo_input)
         view = numbers.get_mutable_value(self._values)

@@ -12,8 +12,6 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple, Self
 
-import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import (
     Context,
@@ -26,8 +24,7 @@ from pydrake.systems.framework import (
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.control.drive_commands import DriveCommands, DriveMode, Mask
-from arm_drake.control.joint_limits import Previous
+from arm_drake.control.drive_commands import DriveCommands, DriveMode
 from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     TickingController,
@@ -42,6 +39,7 @@ from arm_drake.controllers.cycles import (
 )
 from arm_drake.description.parameters import DISTROS
 from arm_drake.errors import ParameterError
+from arm_drake.manager.claimants import Claimants, UpdateResults
 from arm_drake.manager.state import ControllerFailure, ManagerEvent, ManagerState
 from arm_drake.manager.switching import (
     ControllerInfo,
@@ -326,9 +324,6 @@ def _is_topic(port: InputPort) -> bool:
     return name == interfaces.PARAMETERS_PORT or not interfaces.is_internal(name)
 
 
-UpdateResults = Mapping[str, UpdateResult[Any]]
-
-
 class ManagerInputs(NamedTuple):
     """What lies on the ports of a manager and of its controllers."""
 
@@ -467,6 +462,9 @@ class SteadyTick(NamedTuple):
     number: int
     motions: Array
 
+    # What controllers remember, all of them.
+    memory: list[float]
+
     # Values of all command interfaces, what the servo is told, and the rest of the
     # drive vector.
     values: list[float]
@@ -481,6 +479,9 @@ class _SteadyController(NamedTuple):
     system: TickingController[Any]
     ticks: SteadyTicks[Any]
     at: Sequence[int]
+
+    # Where what it remembers stands; None if it doesn't.
+    part: slice | None
 
 
 # Where the ticks stand in the state.
@@ -512,7 +513,7 @@ class SteadyCycles:
         """Take the state, and how controllers tick after it."""
         self.base, self._controllers = base, controllers
         self._commanding = [
-            (c.ticks.command, *row)
+            (c.ticks.command, c.part, *row)
             for c, row in zip(controllers, self._rows, strict=True)
         ]
         # From then on cycles take the full way [ns].
@@ -527,7 +528,7 @@ class SteadyCycles:
         cls,
         base: ManagerState,
         controllers: Collection[tuple[str, TickingController[Any]]] | None,
-        claimants: "Claimants",
+        claimants: Claimants,
         drive: DriveCommands,
     ) -> Self | None:
         """Return the cycles after a state, by those that tick quietly; None if none."""
@@ -545,37 +546,45 @@ class SteadyCycles:
             ticks = system.steady(last, cycle.time_ns)
             if ticks is None:
                 return None
-            at = claimants.places.get(name, ())
-            found.append(_SteadyController(name, system, ticks, at))
+            at, part = claimants.places.get(name, ()), claimants.parts.get(name)
+            found.append(_SteadyController(name, system, ticks, at, part))
         return cls(base, found, drive)
 
     def tell(self, time_ns: int, last_ns: int, motions: Array) -> Self | None:
         """Return the cycles that go on, in which all is told; None if they end."""
         ticks, controllers = dict(self.base.ticks), list(self._controllers)
-        for i, (name, system, steady, at) in enumerate(self._controllers):
+        for i, (name, system, steady, at, part) in enumerate(self._controllers):
             if time_ns >= steady.monitor_ns:
                 resumed = steady.tell(time_ns, last_ns, motions)
                 if resumed is None:
                     return None
                 ticks[name] = with_field(ticks[name], STATE, resumed[0])
-                controllers[i] = _SteadyController(name, system, resumed[1], at)
+                told = _SteadyController(name, system, resumed[1], at, part)
+                controllers[i] = told
         new = object.__new__(type(self))
         new._values, new._drive, new._rows = self._values, self._drive, self._rows
         new._take(with_field(self.base, _TICKS, ticks), controllers)
         return new
 
     def tick(
-        self, time_ns: int, last: Sequence[float], motions: Array
+        self,
+        time_ns: int,
+        last: Sequence[float],
+        motions: Array,
+        memory: list[float],
     ) -> tuple[list[float], list[float], list[float]] | None:
         """Return the values of all commands and the drive vector; None if it ends.
 
         `last` are positions and rates of the last cycle's drive vector, one after the
-        other; `motions` is what is measured. Of the vector what the servo is told
-        comes first, then the rates.
+        other; `motions` is what is measured; `memory` what is remembered, which is
+        renewed. Of the vector what the servo is told comes first, then the rates.
         """
         values = self._values.copy()
-        for find, row, at in self._commanding:
-            command = find(time_ns, motions)
+        for find, part, row, at in self._commanding:
+            own = [] if part is None else memory[part]
+            command = find(time_ns, motions, own)
+            if part is not None:
+                memory[part] = own
             if command is None:
                 return None
             if row is not None and math.isfinite(sum(command)):
@@ -594,13 +603,14 @@ class SteadyCycles:
         values: Array,
         drive: Array,
         motions: Array,
+        memory: Sequence[float],
     ) -> ManagerState:
         """Return the state after one of these cycles, of what `tick` has returned."""
         base, time_ns = self.base, times[0]
         ticks = dict(base.ticks)
-        for name, system, steady, _ in self._controllers:
-            last = ticks[name]
-            ticks[name] = system.resume(steady, last, number, time_ns, motions)
+        for name, system, steady, _, part in self._controllers:
+            last, own = ticks[name], () if part is None else memory[part]
+            ticks[name] = system.resume(steady, last, number, time_ns, motions, own)
         cycle = base.cycle._replace(
             number=number,
             time_ns=time_ns,
@@ -617,126 +627,6 @@ def _row(at: Sequence[int]) -> slice | None:
     start = at[0] if at else 0
     is_row = list(at) == list(range(start, start + len(at)))
     return slice(start, start + len(at)) if is_row else None
-
-
-class _Claimant(NamedTuple):
-    """A controller that writes command interfaces, or whose update can fail."""
-
-    name: str
-
-    # Where its commands stand among the values, shape (k,), and which joints of the
-    # drive they are for, shape (n,).
-    at: NDArray[np.intp]
-    joints: Mask
-
-    # All joints that they are for.
-    names: frozenset[str]
-
-
-class Claimants:
-    """All controllers of a robot that write command interfaces or can fail."""
-
-    def __init__(
-        self,
-        systems: Mapping[str, ControllerInterface],
-        order: Sequence[str],
-        joints: Sequence[str],
-    ) -> None:
-        """Create it for controllers, names of values, and the drive's n joints."""
-        self._joints = tuple(joints)
-        at = {name: index for index, name in enumerate(order)}
-        self._claimants = []
-        for name, system in systems.items():
-            claims = system.command_interfaces
-            if claims or (isinstance(system, TickingController) and system.can_fail):
-                claimed = {claim.rpartition("/")[0] for claim in claims}
-                # One that claims what isn't there never becomes active.
-                indices = [at.get(claim, 0) for claim in claims]
-                claimant = _Claimant(
-                    name,
-                    np.array(indices, dtype=np.intp),
-                    self._mask(claimed),
-                    frozenset(claimed),
-                )
-                self._claimants.append(claimant)
-        # Where the commands of each stand among the values.
-        self.places = {c.name: tuple(c.at.tolist()) for c in self._claimants}
-
-    def write(
-        self, ticks: UpdateResults, cycle: Cycle, last: Cycle, values: Array
-    ) -> dict[str, str]:
-        """Write what controllers command in a cycle; return those that failed, and why.
-
-        A controller that doesn't tick leaves what it wrote, which may be limited since.
-        What one commands when it ends in the `last` cycle counts too. `values`, shape
-        (k,), are changed in place.
-        """
-        failed = {}
-        claimants: Iterable[_Claimant] = self._claimants
-        if cycle.commands is not None:  # Those that end are first.
-            claimants = sorted(claimants, key=lambda c: c.name in cycle.active)
-        for name, at, _, _ in claimants:
-            if name not in cycle.active and name not in last.active:
-                continue
-            if cycle.periods and cycle.periods.get(name) == 0:
-                continue
-            result = ticks[name]
-            command = result.command
-            # A sum is finite only if all its terms are; quicker than in numpy.
-            if math.isfinite(sum(command.tolist())):
-                values[at] = command
-            else:
-                written = np.isfinite(command)
-                values[at[written]] = command[written]
-            if not result.is_ok:
-                failed[name] = result.fault
-        return failed
-
-    def restore(self, values: Array, before: Array, names: Collection[str]) -> None:
-        """Undo in `values`, shape (k,), what controllers wrote since `before`."""
-        for claimant in self._claimants:
-            if claimant.name in names:
-                values[claimant.at] = before[claimant.at]
-
-    def owners(
-        self, active: Collection[str], joints: Mapping[str, str]
-    ) -> dict[str, str]:
-        """Return the active controllers that command joints, and a joint's text."""
-        return {
-            claimant.name: text
-            for claimant in self._claimants
-            for joint, text in joints.items()
-            if claimant.name in active and joint in claimant.names
-        }
-
-    def fresh(self, cycle: Cycle, last: Cycle) -> Mask:
-        """Return the joints of the drive whose controller has just started."""
-        fresh = self._mask(())
-        for claimant in self._claimants:
-            if cycle.active.get(claimant.name) != last.active.get(claimant.name):
-                fresh |= claimant.joints
-        return fresh
-
-    def skipped(self, cycle: Cycle) -> Mask:
-        """Return the joints of the drive whose controller doesn't tick."""
-        skipped = self._mask(())
-        for claimant in self._claimants:
-            if cycle.periods.get(claimant.name) == 0:
-                skipped |= claimant.joints
-        return skipped
-
-    def forget(self, previous: Previous, cycle: Cycle, last: Cycle) -> Previous:
-        """Return what is remembered, by joint, of those that keep their controller."""
-        new = {
-            joint
-            for claimant in self._claimants
-            if cycle.active.get(claimant.name) != last.active.get(claimant.name)
-            for joint in claimant.names
-        }
-        return {j: data for j, data in previous.items() if j not in new}
-
-    def _mask(self, joints: Collection[str]) -> Mask:
-        return np.array([joint in joints for joint in self._joints], dtype=bool)
 
 
 class QuietTicks:

@@ -777,9 +777,7 @@ def test_a_plot_is_drawn_zoomed_saved_and_cleared(
     assert page.locator("#scene").bounding_box()["height"] == height
 
 
-def test_the_panel_is_made_wider_by_its_corner(
-    program: Live, browser: Browser
-) -> None:
+def test_the_panel_is_made_wider_by_its_corner(program: Live, browser: Browser) -> None:
     size = ViewportSize(width=1600, height=900)
     with look_at(browser, program.page.url, viewport=size) as screen:
         page, mouse = screen.page, screen.page.mouse

@@ -11,9 +11,10 @@ import pytest
 
 from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.controllers.cycles import Cycle, UpdateResult
+from arm_drake.manager.claimants import Claimants
 from arm_drake.manager.controller_manager import Readings, StoredStates, initial_values
 from arm_drake.manager.hardware_interfaces import HardwareInterfaces
-from arm_drake.manager.lifecycle import Claimants, Lifecycle, ManagerInputs, Refusal
+from arm_drake.manager.lifecycle import Lifecycle, ManagerInputs, Refusal
 from arm_drake.manager.state import ControllerFailure, ManagerState
 from arm_drake.manager.switching import ControllerInfo
 from arm_drake.messages import SwitchController, SwitchControllerResult

@@ -134,8 +134,8 @@ def compare(count: Count, monkeypatch: pytest.MonkeyPatch) -> None:
         count.num_steady += 1
         full = manager._tick(context, manager.read_state(context))
         full = full._replace(cycle=full.cycle._replace(ticks={}))
-        new_base, number, motions, values, told, rates = found
-        kept = np.array([number, *told[: len(rates)], *rates, *motions])
+        new_base, number, motions, memory, values, told, rates = found
+        kept = np.array([number, *told[: len(rates)], *rates, *memory, *motions])
         steady = manager._quiet.steady_cycles(new_base)
         assert steady is not None
         new = manager._make_state(steady, np.array(values), np.array(told), kept)
@@ -384,16 +384,75 @@ def test_a_forward_controller_ticks_quietly_until_it_fails(
     np.testing.assert_allclose(sim.joint_states().position[:6], 0.1, atol=1e-3)
 
 
-def test_gazebo_s_controllers_tick_quietly(count: Count) -> None:
+def test_gazebo_s_controllers_tick_steadily_between_messages(count: Count) -> None:
     robot = ad.load_robot("mycobot_280", xacro_args={"control": "gazebo"})
     sim = ad.Simulation(ad.build_diagram(robot, world="void"))
     joint = "link1_to_link2"
-    sim.topic(f"/model/mycobot_280/joint/{joint}/cmd_pos").publish(-0.5)
-    sim.run(0.3)
+    target = sim.topic(f"/model/mycobot_280/joint/{joint}/cmd_pos")
+    target.publish(-0.5)
+    sim.run(0.2)
+    target.publish(-0.7)
+    sim.switch_controllers(deactivate=("JointPositionController",))
+    sim.run(0.05)
+    sim.switch_controllers(activate=("JointPositionController",))
+    target.publish(-0.6)
+    sim.run(0.2)
 
-    assert count.share > 0.9
+    assert count.steady_share > 0.85
     state = sim.joint_states()
     assert state.position[state.name.index(joint)] < -0.05
+
+
+PUSHED = """
+<robot name="pushed">
+  <link name="base"/>{upper}{lower}
+  {shoulder}{elbow}
+  {plugins}
+</robot>"""
+
+
+@pytest.mark.parametrize("may_run_free", [False, True])
+def test_gazebo_s_forces_are_the_same_at_their_limits(
+    count: Count, tmp_path: Path, may_run_free: bool
+) -> None:
+    limits = "<i_max>0.3</i_max><i_min>-0.2</i_min><cmd_max>1.5</cmd_max>"
+    limits += "<cmd_min>-1</cmd_min><cmd_offset>0.1</cmd_offset>"
+    gains = "<p_gain>40</p_gain><i_gain>20</i_gain><d_gain>2</d_gain>"
+    free = "<use_force_commands>1</use_force_commands>"
+    free += f"<disable_braking>{int(may_run_free)}</disable_braking>"
+    plugins = "".join(
+        f'<gazebo><plugin filename="gz-sim-{library}-system" '
+        f'name="gz::sim::systems::{kind}"><joint_name>{name}</joint_name>{gains}'
+        f"{limits}{more}</plugin></gazebo>"
+        for library, kind, name, more in (
+            ("joint-position-controller", "JointPositionController", "shoulder", ""),
+            ("joint-controller", "JointController", "elbow", free),
+        )
+    )
+    text = PUSHED.format(
+        upper=models.bob("upper"),
+        lower=models.bob("lower"),
+        shoulder=models.joint("shoulder", "base", "upper"),
+        elbow=models.joint(
+            "elbow",
+            "upper",
+            "lower",
+            xyz="0 0 -0.3",
+            limit='lower="-3" upper="3" effort="0.8" velocity="10"',
+        ),
+        plugins=plugins,
+    )
+    file = tmp_path / "pushed.urdf"
+    file.write_text(text, encoding="utf-8")
+    sim = ad.Simulation(ad.build_diagram(ad.load_robot(file), world="void"))
+    sim.topic("/model/pushed/joint/shoulder/cmd_pos").publish(0.7)
+    sim.topic("/model/pushed/joint/elbow/cmd_vel").publish(-0.8)
+    sim.run(0.4)
+
+    assert count.share > 0.9
+    assert (count.steady_share > 0.9) is not may_run_free
+    efforts = sim.rollout().effort
+    assert efforts.max(axis=0) == pytest.approx((1.5, 0.8))
 
 
 HAND = """

@@ -8,14 +8,14 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.cycles import UpdateContext
+from arm_drake.controllers.cycles import NEVER_NS, UpdateContext, UpdateResult
 from arm_drake.controllers.gazebo.plugin import (
     GazeboPid,
     GazeboPidState,
@@ -34,6 +34,7 @@ from arm_drake.description.gazebo_plugins import (
     JointPositionController as JointPositionControllerTag,
 )
 from arm_drake.messages import NANOSECONDS, Float32, Float64
+from arm_drake.timing import has_rate
 
 _GAINS = ("p_gain", "i_gain", "d_gain")
 _LIMITS = ("i_max", "i_min", "cmd_max", "cmd_min", "cmd_offset")
@@ -83,6 +84,7 @@ class GazeboCommandBase(TopicController[JointCommandState]):
             *(f"{joint}/effort" for joint in self._forces.joints),
             *(f"{joint}/velocity" for joint in moved),
         )
+        self.num_remembered = 2 * len(tags) + len(claims)
         self._start = np.array(targets, dtype=float)
         self._at_rest = np.zeros(len(claims))
         # Of those that follow it: where it is open, and how far it closes.
@@ -125,6 +127,23 @@ class GazeboCommandBase(TopicController[JointCommandState]):
             command = np.concatenate([command, values[self._moved_by]])
         return state._replace(pid=pid, command=command)
 
+    def steady(
+        self, last: UpdateResult[JointCommandState], time_ns: int
+    ) -> "SteadyForces | None":
+        """Return the forces that follow from targets that stay."""
+        del time_ns
+        params, rate = self.params, self.params.update_rate
+        is_whole = has_rate(params.period, rate) and NANOSECONDS % rate == 0
+        if self._moved_by.size or not is_whole:
+            return None
+        period = NANOSECONDS // rate / NANOSECONDS
+        return SteadyForces(last.state, self._pid, self._forces, self._read_at, period)
+
+    def remember(self, state: JointCommandState) -> list[float]:
+        """Return what the PIDs remember, and the efforts, of which a state is made."""
+        pid, command = state.pid, state.command
+        return [*pid.i_term.tolist(), *pid.error_last.tolist(), *command.tolist()]
+
     def _take(
         self,
         name: str,
@@ -162,6 +181,97 @@ class GazeboCommandBase(TopicController[JointCommandState]):
         self, now: UpdateContext, state: JointCommandState
     ) -> JointCommandState:
         return state._replace(command=self._at_rest)
+
+
+class SteadyForces:
+    """Forces of n tags on k joints while their targets stay, in plain numbers.
+
+    They remember integral terms and errors, n each, and the efforts. To the bit what
+    `GazeboPid.step` and `JointForces.to_efforts` give, in a fifth of the time.
+    """
+
+    until_ns = monitor_ns = NEVER_NS
+
+    def __init__(
+        self,
+        state: JointCommandState,
+        pid: GazeboPid,
+        forces: JointForces,
+        read_at: Any,
+        dt: float,
+    ) -> None:
+        """Create them; `dt` is the period [s]."""
+        self._state, self._read_at, self._dt = state, read_at, dt
+        columns = (
+            state.targets,
+            pid.p,
+            pid.i * dt,
+            pid.d,
+            pid.i_min,
+            pid.i_max,
+            pid.cmd_min,
+            pid.cmd_max,
+            pid.cmd_offset,
+        )
+        self._tags = list(zip(*(c.tolist() for c in columns), strict=True))
+        self._places = forces.places()
+        self._rest = [0.0] * len(forces.joints)
+
+    def tell(self, time_ns: int, last_ns: int, motions: Array) -> None:
+        """Return None, for there is nothing to tell."""
+        del time_ns, last_ns, motions
+        return None
+
+    def command(
+        self, time_ns: int, motions: Array, memory: list[float]
+    ) -> list[float] | None:
+        """Return the efforts of a tick; None where an error isn't finite."""
+        del time_ns
+        dt, n, total = self._dt, len(self._tags), 0.0
+        terms, errors, forces = [], [], []
+        measured = motions[self._read_at].tolist()
+        for tag, q, term, last in zip(
+            self._tags, measured, memory[:n], memory[n : 2 * n], strict=True
+        ):
+            target, p, i, d, i_min, i_max, low, high, offset = tag
+            error = q - target
+            rate = (error - last) / dt
+            total += rate
+            i_term = term + i * error
+            if i_term < i_min:
+                i_term = i_min
+            if i_term > i_max:
+                i_term = i_max
+            force = offset - p * error - i_term - d * rate
+            if force < low:
+                force = low
+            if force > high:
+                force = high
+            terms.append(i_term)
+            errors.append(error)
+            forces.append(force)
+        if not math.isfinite(total):
+            return None
+        efforts = self._rest.copy()
+        for at, limit, multiplier, joint in self._places:
+            force = forces[at]
+            if force < -limit:
+                force = -limit
+            if force > limit:
+                force = limit
+            efforts[joint] += multiplier * force
+        memory[:] = terms + errors + efforts
+        return efforts
+
+    def state(
+        self, time_ns: int, motions: Array, memory: Sequence[float]
+    ) -> JointCommandState:
+        """Return the state that a tick leaves behind."""
+        del time_ns, motions
+        n = len(self._tags)
+        terms, errors, efforts = np.split(np.array(memory), [n, 2 * n])
+        pid = GazeboPidState(terms, errors)
+        return self._state._replace(pid=pid, command=efforts)
 
 
 def _split(
@@ -239,6 +349,12 @@ class JointController(GazeboCommandBase):
             by_force=[tag.use_force_commands for tag in tags],
             read=interfaces.VELOCITY,
         )
+
+    def steady(
+        self, last: UpdateResult[JointCommandState], time_ns: int
+    ) -> SteadyForces | None:
+        """Return the forces, unless some may be left out."""
+        return None if self._may_run_free.any() else super().steady(last, time_ns)
 
     def _step(
         self, pid: GazeboPidState, measured: Array, targets: Array, dt: float

@@ -209,6 +209,11 @@ class JointForces(Message):
             np.array([joints.index(name) for name, _ in carriers], dtype=np.intp),
         )
 
+    def places(self) -> list[tuple[int, float, float, int]]:
+        """Return where each force acts, as plain numbers in the order of the fields."""
+        fields = (self._force, self._limit, self._multiplier, self._joint)
+        return list(zip(*(field.tolist() for field in fields), strict=True))
+
     def to_efforts(self, forces: Array) -> Array:
         """Return the efforts of `joints`, shape (k,).
 

@@ -14,7 +14,7 @@ One quirk is kept: when `cmd_timeout` stops a motion with a goal, the goal succe
 import functools
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -490,10 +490,13 @@ class SteadyTrajectory:
         return new
 
     def _control_at(self, time_ns: int, motions: Array) -> JointTrajectoryState:
-        return self.state(time_ns, motions).control
+        return self.state(time_ns, motions, ()).control
 
-    def command(self, time_ns: int, motions: Array) -> list[float] | None:
+    def command(
+        self, time_ns: int, motions: Array, memory: list[float]
+    ) -> list[float] | None:
         """Return the values that a tick commands; None where it has to judge them."""
+        del memory
         course = self._course
         path, ahead_ns = course.path, time_ns + course.ahead_ns
         if path is None and course.rules.is_plain:
@@ -524,9 +527,10 @@ class SteadyTrajectory:
         return make_command(rules, self._last, inputs, desired, ahead, error)[0]
 
     def state(
-        self, time_ns: int, motions: Array
+        self, time_ns: int, motions: Array, memory: Sequence[float]
     ) -> JointTrajectoryControllerSystemState:
         """Return the state that a tick leaves behind."""
+        del memory
         last, course = self._last, self._course
         inputs = course.sense(time_ns, motions)
         present_ns, ahead_ns = time_ns + course.present_ns, time_ns + course.ahead_ns
