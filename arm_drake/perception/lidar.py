@@ -371,7 +371,6 @@ class Lidar(SensorSystem):
         input_ports:
         - geometry_query
         output_ports:
-        - ranges
         - /<lidar>
         - /<lidar>/points
 
@@ -379,8 +378,6 @@ class Lidar(SensorSystem):
     port              size  meaning
     ================  ====  =======================================================
     geometry_query    --    where all shapes are, as the scene graph tells it
-    ranges            --    distances [m], shape (vertical, horizontal); +inf where
-                            there is nothing
     /<lidar>          --    LaserScan, the ring in the middle
     /<lidar>/points   --    PointCloud2, a row for each ring
     ================  ====  =======================================================
@@ -396,7 +393,6 @@ class Lidar(SensorSystem):
         topics = topics_of(sensor, place.robot, place.world)
         super().__init__(sensor, place, scenery, topics)
         self.sensor = sensor
-        self._ranges = self._declare("ranges", self._calc_ranges)
         self._declare_topics()
 
     @property
@@ -414,7 +410,15 @@ class Lidar(SensorSystem):
         """Unit vectors of the rays, x ahead, shape (vertical, horizontal, 3)."""
         return directions_of(self.sensor)
 
-    def _calc_ranges(self, context: Context) -> Array:
+    def ranges(self, context: Context) -> Array:
+        """Return distances [m], shape (vertical, horizontal), by its own context.
+
+        They are +inf where there is nothing.
+        """
+        ranges: Array = self._measure(context, "ranges", self._cast)
+        return ranges
+
+    def _cast(self, context: Context) -> Array:
         sensor, query = self.sensor, self._query.Eval(context)
         role = Role.kProximity if sensor.sees_collisions else Role.kPerception
         scenes = self.scenery.ray_scenes
@@ -435,7 +439,7 @@ class Lidar(SensorSystem):
         return ranges.reshape(shape)
 
     def _make_scan(self, context: Context) -> LaserScan:
-        ranges, sensor = self._ranges.Eval(context), self.sensor
+        ranges, sensor = self.ranges(context), self.sensor
         axis = sensor.horizontal
         step = (axis.max_angle - axis.min_angle) / max(1, axis.count - 1)
         return LaserScan(
@@ -458,7 +462,7 @@ class Lidar(SensorSystem):
             field_of_view=max(axis.max_angle - axis.min_angle for axis in axes),
             min_range=sensor.range_min,
             max_range=sensor.range_max,
-            range=float(self._ranges.Eval(context).min()),
+            range=float(self.ranges(context).min()),
         )
 
     def points(self, context: Context) -> Array:
@@ -467,7 +471,7 @@ class Lidar(SensorSystem):
         Rays that meet nothing are +inf or -inf, and NaN where they are along an axis.
         """
         with np.errstate(invalid="ignore"):
-            return np.asarray(self._ranges.Eval(context)[..., None] * self.directions)
+            return np.asarray(self.ranges(context)[..., None] * self.directions)
 
     def _make_points(self, context: Context) -> PointCloud2:
         header, points = self._header(context, self.frame_id), self.points(context)
@@ -475,7 +479,7 @@ class Lidar(SensorSystem):
 
     def _make_cloud(self, context: Context) -> PointCloud:
         ranges, header = (
-            self._ranges.Eval(context),
+            self.ranges(context),
             self._header(context, self.frame_id),
         )
         points = self.points(context)[np.isfinite(ranges)]
@@ -533,4 +537,4 @@ class LidarHandle(SensorHandle):
         return self._in_world(points) if frame == "world" else np.asarray(points)
 
     def _eval(self) -> Any:
-        return self._lidar.GetOutputPort("ranges").Eval(self._own_context())
+        return self._lidar.ranges(self._own_context())

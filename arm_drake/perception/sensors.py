@@ -14,11 +14,12 @@ from pydrake.common.value import AbstractValue
 from pydrake.geometry import QueryObject, SceneGraph
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import (
+    CacheIndex,
     Context,
     DiagramBuilder,
     LeafSystem,
-    OutputPort,
     State,
+    ValueProducer,
 )
 
 from arm_drake.controllers.gazebo.plugin import ros_topic
@@ -68,6 +69,11 @@ class SensorSystem(PythonSystem):
     It has no state: whenever it is asked, it tells what is there then, and nothing is
     computed that nobody reads. There is an output port for each of its `topics`, and
     the classes of their messages are in `output_types`.
+
+    Drake tells whatever depends on the time or on poses at each step that these have
+    changed, and a step of a small robot is little more than that. So nothing here
+    depends on the time, and the ports keep no values: what was measured is kept by all
+    of them in one place, with its time, until something may have moved.
     """
 
     def __init__(
@@ -102,6 +108,9 @@ class SensorSystem(PythonSystem):
         self._query = self.DeclareAbstractInputPort(
             "geometry_query", AbstractValue.Make(QueryObject())
         )
+        forget = ValueProducer(lambda: AbstractValue.Make({}), _forget)
+        entry = self.DeclareCacheEntry("measured", forget, {self._query.ticket()})
+        self._measured = int(entry.cache_index())
         self.output_types: dict[str, type[Message]] = {}
 
     @property
@@ -110,21 +119,37 @@ class SensorSystem(PythonSystem):
         """What makes the messages of topics, by what is on them."""
 
     def _declare_topics(self) -> None:
-        for key, topic in self.topics.items():
+        for number, (key, topic) in enumerate(self.topics.items(), start=1):
             kind, make = self._makers[key]
             self.output_types[topic] = kind
             self._declare(topic, make)
+            # Of cache entries of a system each has the number after the last one's.
+            entry = self.get_cache_entry(CacheIndex(self._measured + number))
+            entry.disable_caching_by_default()
 
-    def _declare(self, name: str, make: Any) -> OutputPort:
+    def _declare(self, topic: str, make: Any) -> None:
         def calc(context: Context, output: AbstractValue) -> None:
-            output.set_value(make(context))
+            output.set_value(self._measure(context, topic, make))
 
-        return self.DeclareAbstractOutputPort(
-            name,
+        self.DeclareAbstractOutputPort(
+            topic,
             lambda: AbstractValue.Make(()),
             calc,
-            prerequisites_of_calc={self._query.ticket(), self.time_ticket()},
+            prerequisites_of_calc={self._query.ticket()},
         )
+
+    def _measure(
+        self, context: Context, what: str, make: Callable[[Context], Any]
+    ) -> Any:
+        """Return what `make` makes, once for the time and the poses of a context."""
+        entry = self.get_cache_entry(CacheIndex(self._measured))
+        measured, now = entry.Eval(context), context.get_time()
+        if measured.get("time") != now:
+            measured.clear()
+            measured["time"] = now
+        if what not in measured:
+            measured[what] = make(context)
+        return measured[what]
 
     def pose(self, context: Context) -> RigidTransform:
         """Return the pose of what it measures in, in the world, by its own context."""
@@ -137,6 +162,10 @@ class SensorSystem(PythonSystem):
 
     def _header(self, context: Context, frame: str) -> Header:
         return Header.from_nanoseconds(_nanoseconds(context), frame)
+
+
+def _forget(_: Context, measured: AbstractValue) -> None:
+    measured.set_value({})
 
 
 def _nanoseconds(context: Context) -> int:

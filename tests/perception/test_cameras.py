@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydrake.systems.framework import CacheIndex
 
 import arm_drake as ad
 from arm_drake.errors import InputError
+from arm_drake.perception.cameras import Camera
 from arm_drake.perception.images import to_array, to_points
 from tests.snippets import ROOT, read_blocks
 
@@ -91,6 +93,50 @@ def test_nobody_reads_nothing_is_loaded() -> None:
     [camera] = simulation.directory.manager(None).sensors
 
     assert not camera.scenery.is_loaded
+
+
+def test_steps_tell_cameras_little() -> None:
+    simulation = ad.Simulation(ad.build_diagram(load()))
+    [camera] = simulation.directory.manager(None).sensors
+    entries = [
+        camera.get_cache_entry(CacheIndex(i)) for i in range(_num_entries(camera))
+    ]
+    of_ports = [entry for entry in entries if "output port" in entry.description()]
+    measured = [entry for entry in entries if entry.description() == "measured"]
+
+    assert len(of_ports) == camera.num_output_ports() == 4
+    assert all(entry.is_disabled_by_default() for entry in of_ports)
+    for entry in (*of_ports, *measured):
+        assert entry.prerequisites() == {camera.GetInputPort("geometry_query").ticket()}
+    assert camera.GetInputPort("geometry_query").ticket() != camera.time_ticket()
+
+
+def _num_entries(camera: Camera) -> int:
+    return camera._measured + 1 + camera.num_output_ports()
+
+
+def test_what_is_read_is_of_its_time_and_poses() -> None:
+    # Also where no step of the plant lies between two times.
+    robot = ad.load_robot("mycobot_280")
+    robot = ad.add_camera(robot, "gripper_base", name="hand", width=32, height=24)
+    sim = ad.Simulation(ad.build_diagram(robot))
+    stamps, pictures = [], []
+    root = sim.simulator.get_mutable_context()
+    plant = sim.diagram.GetSubsystemByName("plant")
+    port = sim.diagram.GetOutputPort("/hand/image")
+
+    for time, angle in ((0.0, None), (0.0, None), (0.0, 0.5), (1e-4, None)):
+        root.SetTime(time)
+        if angle is not None:
+            joint = plant.GetJointByName("link1_to_link2")
+            joint.set_angle(plant.GetMyMutableContextFromRoot(root), angle)
+        pictures.append(port.Eval(root))
+        stamps.append(pictures[-1].header.stamp.nanosec)
+
+    assert pictures[1] is pictures[0]
+    assert pictures[2].data != pictures[0].data
+    assert pictures[3].data == pictures[2].data
+    assert stamps == [0, 0, 0, 100_000]
 
 
 def test_threads_take_pictures_in_turns(capfd: pytest.CaptureFixture[str]) -> None:
