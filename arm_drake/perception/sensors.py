@@ -37,6 +37,7 @@ from arm_drake.description.robot import Pose, Robot
 from arm_drake.errors import InputError, suggest
 from arm_drake.manager.connections import with_prefix
 from arm_drake.messages import Header, Message
+from arm_drake.perception.images import compress
 from arm_drake.perception.scenery import Scenery
 from arm_drake.plant.plant import transform_of
 from arm_drake.python_system import PythonSystem
@@ -250,11 +251,20 @@ class SensorLog(PythonSystem):
     What was kept is in the context.
     """
 
-    def __init__(self, sensor: SensorSystem, prefix: str) -> None:
+    def __init__(
+        self, sensor: SensorSystem, prefix: str, image_format: str = "raw"
+    ) -> None:
         """Create it for a sensor of a robot, whose names begin with a prefix."""
         super().__init__()
         self.topics = tuple(sensor.output_types)
-        self._names = tuple(f"/{prefix}{topic.lstrip('/')}" for topic in self.topics)
+        self._image_format = image_format
+        pictures = {sensor.topics.get(name) for name in ("image", "colored_map")}
+        is_file = [image_format != "raw" and topic in pictures for topic in self.topics]
+        self._is_file = tuple(is_file)
+        self._names = tuple(
+            f"/{prefix}{topic.lstrip('/')}{'/compressed' if is_file else ''}"
+            for topic, is_file in zip(self.topics, self._is_file, strict=True)
+        )
         for topic in self.topics:
             self.DeclareAbstractInputPort(topic, AbstractValue.Make(()))
         self._kept = self.DeclareAbstractState(AbstractValue.Make([None]))
@@ -263,7 +273,12 @@ class SensorLog(PythonSystem):
 
     def _update(self, context: Context, state: State) -> None:
         messages = tuple(
-            self.GetInputPort(topic).Eval(context) for topic in self.topics
+            compress(message, self._image_format) if is_file else message
+            for message, is_file in zip(
+                [self.GetInputPort(topic).Eval(context) for topic in self.topics],
+                self._is_file,
+                strict=True,
+            )
         )
         before = context.get_abstract_state(self._kept).get_value()[0]
         kept = _Sampled(context.get_time(), messages, before)
@@ -314,11 +329,13 @@ def add_sensors(
     prefix: str,
     report: LoadReport,
     logged: Sequence[str] = (),
+    image_format: str = "raw",
 ) -> tuple[LeafSystem, ...]:
     """Add the cameras and lidars of a robot, and export their topics.
 
     A topic has one publisher. They compute nothing that nobody reads; the log of those
-    whose names, with the prefix, are in `logged` reads them.
+    whose names, with the prefix, are in `logged` reads them, and has their pictures in
+    a format, as `SimulationOptions.log_image_format`.
     """
     systems: list[LeafSystem] = []
     publishers: dict[str, str] = {}
@@ -343,7 +360,7 @@ def add_sensors(
         systems.append(system)
         if f"{prefix}{sensor.name}" in logged:
             name = log_name(prefix, sensor.name)
-            log = builder.AddNamedSystem(name, SensorLog(system, prefix))
+            log = builder.AddNamedSystem(name, SensorLog(system, prefix, image_format))
             for topic in log.topics:
                 builder.Connect(system.GetOutputPort(topic), log.GetInputPort(topic))
     return tuple(systems)
