@@ -420,7 +420,7 @@ class Simulation:
         """
         from arm_drake.perception.cameras import Camera, CameraHandle
 
-        none = "the robots have none; arm_drake.add_camera adds one"
+        none = "the robots have no camera; arm_drake.add_camera adds one"
         camera = self._find_sensor(Camera, name, none)
         return CameraHandle(camera, lambda: self.simulator.get_context())
 
@@ -435,20 +435,24 @@ class Simulation:
         """
         from arm_drake.perception.lidar import Lidar, LidarHandle
 
-        lidar = self._find_sensor(Lidar, name, "the robots have none")
+        lidar = self._find_sensor(Lidar, name, "the robots have no lidar")
         return LidarHandle(lidar, lambda: self.simulator.get_context())
 
     def _find_sensor(self, kind: type[_Sensor], name: str, none: str) -> _Sensor:
         """Return a sensor of a kind, by name with the robot's prefix."""
-        found = {
+        sensors = {
             f"{manager.prefix}{sensor.sensor.name}": sensor
             for manager in self.directory.managers.values()
             for sensor in manager.sensors
-            if isinstance(sensor, kind)
         }
+        found = {key: s for key, s in sensors.items() if isinstance(s, kind)}
         if name not in found:
+            problem = f"no {kind.__name__.lower()} {name!r}"
+            if name in sensors:
+                problem = f"{name!r} is a {type(sensors[name]).__name__.lower()}, "
+                problem += f"no {kind.__name__.lower()}"
             hint = suggest(name, found) if found else none
-            raise InputError(f"no {kind.__name__.lower()} {name!r}; {hint}")
+            raise InputError(f"{problem}; {hint}")
         return found[name]
 
     def list_topics(self) -> TopicList:
