@@ -11,7 +11,6 @@ gazebo_ros_ray_sensor.cpp; ros_gz_bridge, src/convert/sensor_msgs.cpp; REP 117.
 
 import importlib.util
 import itertools
-import math
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -202,26 +201,33 @@ class RayScene:
         Raises:
             ArmDrakeError: If Embree is missing, and without it would take too long.
         """
-        frames = query.inspector().GetAllFrameIds()
         nearest = np.full(len(ways), np.inf)
-        for tree in self._trees:
-            X_WF = RigidTransform(query.GetPoseInWorld(frames[tree.place]))
-            to_center = X_WF.multiply(tree.center) - origin
-            outside = float(to_center @ to_center) - tree.radius**2
-            if outside > 0.0 and math.hypot(*to_center) - tree.radius > longest:
-                continue
-            along = ways @ to_center
+        if not self._trees:
+            return nearest
+        frames = query.inspector().GetAllFrameIds()
+        poses = [query.GetPoseInWorld(frames[tree.place]) for tree in self._trees]
+        X_WF = np.stack([pose.GetAsMatrix34() for pose in poses])
+        centers = np.stack([tree.center for tree in self._trees])
+        radii = np.array([tree.radius for tree in self._trees])
+        to_center = np.einsum("tij,tj->ti", X_WF[..., :3], centers)
+        to_center += X_WF[..., 3] - origin
+        distance = np.linalg.norm(to_center, axis=1)
+        is_inside = distance <= radii
+        tangent = np.sqrt(np.where(is_inside, 0.0, distance**2 - radii**2))
+        along = to_center @ ways.T
+        for number in np.flatnonzero(is_inside | (distance - radii <= longest)):
+            tree = self._trees[number]
             meets: Any = slice(None)
-            if outside > 0.0:
-                # A ray that passes the sphere beside or behind meets nothing in it.
-                meets = np.flatnonzero(along >= math.sqrt(outside))
+            if not is_inside[number]:
+                # A ray that passes a sphere beside or behind meets nothing in it.
+                meets = np.flatnonzero(along[number] >= tangent[number])
                 if not len(meets):
                     continue
-            R_WF = X_WF.rotation().matrix()
+            R_WF, p_WF = X_WF[number, :, :3], X_WF[number, :, 3]
             # Embree reckons in single precision: from near the shapes it is exact.
-            ahead = np.maximum(along[meets] - 1.01 * tree.radius, shortest)
+            ahead = np.maximum(along[number, meets] - 1.01 * tree.radius, shortest)
             seen = ways[meets] @ R_WF
-            begin = R_WF.T @ (origin - X_WF.translation()) + ahead[:, None] * seen
+            begin = R_WF.T @ (origin - p_WF) + ahead[:, None] * seen
             hits = tree.hit(begin, seen)
             distances = np.where(hits < _NO_HIT, hits + ahead, np.inf)
             nearest[meets] = np.minimum(nearest[meets], distances)
