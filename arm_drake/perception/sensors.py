@@ -6,7 +6,7 @@ import importlib
 import math
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Final, NamedTuple, get_args
+from typing import Any, Final, NamedTuple, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -200,6 +200,27 @@ class SensorHandle:
         """Return points of the sensor's own frame in the world, shape (n, 3)."""
         X_WM = self.pose
         return np.asarray(points @ X_WM.rotation().matrix().T + X_WM.translation())
+
+
+_Sensor = TypeVar("_Sensor", bound=SensorSystem)
+
+
+def find_sensor(
+    sensors: Mapping[str, SensorSystem], kind: type[_Sensor], name: str, none: str = ""
+) -> _Sensor:
+    """Return a sensor of a kind, or raise InputError.
+
+    `none` is what to do where there is none.
+    """
+    found = {key: each for key, each in sensors.items() if isinstance(each, kind)}
+    if name not in found:
+        word = kind.__name__.lower()
+        problem = f"no {word} {name!r}"
+        if name in sensors:
+            problem = f"{name!r} is a {type(sensors[name]).__name__.lower()}, no {word}"
+        hint = suggest(name, found) if found else f"the robots have no {word}{none}"
+        raise InputError(f"{problem}; {hint}")
+    return found[name]
 
 
 def find_classic_topics(
