@@ -593,6 +593,7 @@ def _add_perception(
             prefix,
             part.report,
             logged,
+            setting.options.log_image_format,
         )
 
 

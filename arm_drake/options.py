@@ -16,6 +16,8 @@ SMALLEST_STEP = 1e-6
 # A longer delay is a mistake [cycles].
 LONGEST_DELAY = 10_000
 
+IMAGE_FORMATS = ("raw", "jpeg", "png")
+
 
 class _Preset(NamedTuple):
     """What a preset brings with it."""
@@ -99,6 +101,10 @@ class SimulationOptions:
     # their `update_rate`; with several robots `<robot>/<sensor>`.
     log_images: tuple[str, ...] = ()
 
+    # How the rollout has their pictures of colours: "raw", or "jpeg" or "png", as a
+    # CompressedImage on `<topic>/compressed`.
+    log_image_format: str = "raw"
+
     # Seed of all noise: of state interfaces, cameras and lidars.
     seed: int = 0
 
@@ -159,6 +165,9 @@ class SimulationOptions:
                 f"log_rate must be positive and at most {most:g} Hz, "
                 f"got {self.log_rate!r}"
             )
+        if self.log_image_format not in IMAGE_FORMATS:
+            hint = suggest(self.log_image_format, IMAGE_FORMATS)
+            raise InputError(f"log_image_format {self.log_image_format!r}; {hint}")
         if not 0.0 <= self.frame_rate < math.inf:
             raise InputError(
                 f"frame_rate must be at least 0 Hz, got {self.frame_rate!r}"

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from arm_drake.errors import InputError, suggest
+from arm_drake.options import IMAGE_FORMATS
 from arm_drake.visualization.plot import PLOT_KINDS
 
 
@@ -376,6 +377,12 @@ def _add_output_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         help="what a camera or lidar publishes in the log, too (repeatable)",
+    )
+    add(
+        "--image-format",
+        choices=IMAGE_FORMATS,
+        default="raw",
+        help="of colours in the log (default %(default)s)",
     )
     add("--record", metavar="FILE.html", type=Path, help="write an animated page")
     add("--loop", action="store_true", help="the page of --record plays for ever")

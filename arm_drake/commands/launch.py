@@ -28,6 +28,7 @@ _OF_SIMULATIONS = (
     *("payload", "initial", "rate", "preset", "time_step", "log", "log_contacts"),
     *(
         "log_images",
+        "image_format",
         "record",
         "loop",
         "plot",

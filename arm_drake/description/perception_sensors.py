@@ -732,3 +732,5 @@ _READERS: Final[Mapping[str, _Read]] = {
     **dict.fromkeys(_CAMERA_KINDS, _SensorReader.cameras),
     **dict.fromkeys(("ray", "gpu_ray", "lidar", "gpu_lidar"), _SensorReader.lidars),
 }
+
+TYPES: Final = frozenset(_READERS)

@@ -325,6 +325,8 @@ def _read_sensors(
 
         seeing = perception.read_perception_sensors(root, links, joints, report, file)
         measuring.update(sensor.group or sensor.name for sensor in seeing)
+        # Of those that are left out there is a line already.
+        measuring.update(s.name for s in sensors if s.type in perception.TYPES)
     report_gazebo(root, report, file, sensors=measuring, sees=bool(seeing))
     return sensors, seeing
 

@@ -16,6 +16,7 @@ __all__ = [
     "BatteryStateArray",
     "CameraInfo",
     "ChannelFloat32",
+    "CompressedImage",
     "Float64Values",
     "Image",
     "Imu",
@@ -281,6 +282,21 @@ class Image(Message):
     step: int = 0
 
     # Row by row, from the top left, shape (height * step,).
+    data: bytes = dc.field(default=b"", repr=False)
+
+
+@dc.dataclass(frozen=True)
+class CompressedImage(Message):
+    """A picture as a file (`sensor_msgs`)."""
+
+    _ros_package: ClassVar[str] = "sensor_msgs"
+
+    header: Header = Header()
+
+    # As image_transport has it, such as "rgb8; jpeg compressed bgr8".
+    format: str = ""
+
+    # A JPEG or PNG file.
     data: bytes = dc.field(default=b"", repr=False)
 
 

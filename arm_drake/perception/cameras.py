@@ -299,9 +299,6 @@ class Camera(SensorSystem):
         input_ports:
         - geometry_query
         output_ports:
-        - color
-        - depth
-        - labels
         - /<camera>/image
         - /<camera>/depth_image
         - /<camera>/points
@@ -311,10 +308,6 @@ class Camera(SensorSystem):
     port                   size  meaning
     =====================  ====  ====================================================
     geometry_query         --    where all shapes are, as the scene graph tells it
-    color                  --    picture, shape (height, width, 3), uint8
-    depth                  --    depths [m], shape (height, width)
-    labels                 --    what each pixel shows, shape (height, width), uint16:
-                                 the place of its name in ``label_names``
     /<camera>/image        --    Image
     /<camera>/depth_image  --    Image
     /<camera>/points       --    PointCloud2
@@ -334,12 +327,10 @@ class Camera(SensorSystem):
         super().__init__(sensor, place, scenery, topics, R_SENSOR_OPTICAL)
         self.sensor = sensor
         self._image_frame = sensor.optical_frame_id or self.frame_id
-        # Pictures, before they are messages; of these a message is made each.
-        self._color = self._declare("color", self._calc_color) if self._sees else None
-        self._depth = (
-            self._declare("depth", self._calc_depth) if sensor.has_depth else None
-        )
-        self._labels = self._declare("labels", self._calc_labels)
+        self._takers = {"color": self._take_color} if self._sees else {}
+        if sensor.has_depth:
+            self._takers["depth"] = self._take_depth
+        self._takers["labels"] = self._take_labels
         self._declare_topics()
 
     @property
@@ -347,12 +338,26 @@ class Camera(SensorSystem):
         return self.sensor.kind != "segmentation" and self.sensor.has_color
 
     @property
+    def kinds(self) -> tuple[str, ...]:
+        """The pictures that it takes, of "color", "depth" and "labels"."""
+        return tuple(self._takers)
+
+    def take(self, context: Context, kind: str) -> NDArray[Any]:
+        """Return a picture of one of its `kinds`, by its own context.
+
+        Colours have the shape (height, width, 3), uint8; depths [m] (height, width);
+        labels, places of names in `label_names`, (height, width), uint16.
+        """
+        pixels: NDArray[Any] = self._measure(context, kind, self._takers[kind])
+        return pixels
+
+    @property
     def _makers(self) -> Mapping[str, tuple[type[Message], Any]]:
         """What makes the messages of topics."""
         encoding = self.sensor.depth_encoding
 
-        def image(port: str, encoding: str) -> Any:
-            return lambda context: self._image(context, port, encoding)
+        def image(kind: str, encoding: str) -> Any:
+            return lambda context: self._image(context, kind, encoding)
 
         return {
             "image": (Image, image("color", self.sensor.encoding)),
@@ -405,7 +410,7 @@ class Camera(SensorSystem):
         clipping = ClippingRange(sensor.near, sensor.far)
         return RenderCameraCore(RENDERER, intrinsics, clipping, RigidTransform())
 
-    def _calc_color(self, context: Context) -> Array:
+    def _take_color(self, context: Context) -> Array:
         camera = ColorRenderCamera(self._core, show_window=False)
         query = self._query.Eval(context)
         picture = self.scenery.color(query, camera, self.pose(context))
@@ -417,7 +422,7 @@ class Camera(SensorSystem):
             picture = noisy.astype(np.uint8)
         return picture
 
-    def _calc_depth(self, context: Context) -> Array:
+    def _take_depth(self, context: Context) -> Array:
         sensor = self.sensor
         depths = DepthRange(sensor.min_depth, sensor.max_depth)
         camera = DepthRenderCamera(self._core, depths)
@@ -430,7 +435,7 @@ class Camera(SensorSystem):
             picture = picture + self._noise(context, "depth", picture.shape)
         return picture.astype(np.float32, copy=False)
 
-    def _calc_labels(self, context: Context) -> Array:
+    def _take_labels(self, context: Context) -> Array:
         camera = ColorRenderCamera(self._core, show_window=False)
         query = self._query.Eval(context)
         labels = self.scenery.labels(query, camera, self.pose(context))
@@ -442,15 +447,15 @@ class Camera(SensorSystem):
         random = self._random(context, zlib.crc32(what.encode()))
         return random.normal(noise.mean, noise.stddev, shape)
 
-    def _image(self, context: Context, port: str, encoding: str) -> Image:
-        pixels = self.GetOutputPort(port).Eval(context)
-        if port == "depth":
+    def _image(self, context: Context, kind: str, encoding: str) -> Image:
+        pixels = self.take(context, kind)
+        if kind == "depth":
             pixels = _limit(pixels, self.sensor.image_depths)
         header = self._header(context, self._image_frame)
         return make_image(header, pixels, encoding)
 
     def _make_colored_map(self, context: Context) -> Image:
-        labels = self._labels.Eval(context)
+        labels = self.take(context, "labels")
         header = self._header(context, self._image_frame)
         return make_image(header, color_labels(labels), "rgb8")
 
@@ -462,15 +467,14 @@ class Camera(SensorSystem):
         )
 
     def _make_points(self, context: Context) -> PointCloud2:
-        assert self._depth is not None
-        depths = _limit(self._depth.Eval(context), self.sensor.point_depths)
+        depths = _limit(self.take(context, "depth"), self.sensor.point_depths)
         points = project(depths, self.lens.rays)
         frame = self._image_frame
         if self.sensor.plugin is None:
             # Gazebo Sim's points are in the frame of the sensor, x ahead.
             points = points @ R_SENSOR_OPTICAL.matrix().T.astype(np.float32)
             frame = self.frame_id
-        colors = None if self._color is None else self._color.Eval(context)
+        colors = self.take(context, "color") if self._sees else None
         return make_cloud(self._header(context, frame), points, colors)
 
 
@@ -512,7 +516,7 @@ class CameraHandle(SensorHandle):
             InputError: If the camera takes none.
             ArmDrakeError: If the renderer's libraries are missing.
         """
-        pixels: NDArray[np.uint8] = self._eval("color")
+        pixels: NDArray[np.uint8] = self._take("color")
         return pixels
 
     def depth(self) -> NDArray[np.float32]:
@@ -525,12 +529,12 @@ class CameraHandle(SensorHandle):
             InputError: If the camera measures none.
             ArmDrakeError: As `color`.
         """
-        depths: NDArray[np.float32] = self._eval("depth")
+        depths: NDArray[np.float32] = self._take("depth")
         return depths
 
     def has(self, what: str) -> bool:
         """Return whether it takes pictures of a kind: "color", "depth" or "labels"."""
-        return bool(self._camera.HasOutputPort(what))
+        return what in self._camera.kinds
 
     def labels(self) -> NDArray[np.uint16]:
         """Return what each pixel shows, shape (height, width), as `label_names` says.
@@ -538,7 +542,7 @@ class CameraHandle(SensorHandle):
         Raises:
             ArmDrakeError: As `color`.
         """
-        labels: NDArray[np.uint16] = self._eval("labels")
+        labels: NDArray[np.uint16] = self._take("labels")
         return labels
 
     @property
@@ -575,24 +579,17 @@ class CameraHandle(SensorHandle):
             InputError: If it has no such picture.
             ArmDrakeError: As `color`.
         """
-        pixels = self._eval(what or self._first)
+        pixels = self._take(what or self._camera.kinds[0])
         if pixels.ndim == 3:
             return pixels
         return (
             color_labels(pixels) if pixels.dtype == np.uint16 else color_depths(pixels)
         )
 
-    @property
-    def _first(self) -> str:
-        kinds = ("color", "depth", "labels")
-        return next(kind for kind in kinds if self._camera.HasOutputPort(kind))
-
-    def _eval(self, port: str) -> Any:
-        camera = self._camera
-        if port not in ("color", "depth", "labels") or not camera.HasOutputPort(port):
-            kinds = [k for k in ("color", "depth", "labels") if camera.HasOutputPort(k)]
+    def _take(self, kind: str) -> Any:
+        if not self.has(kind):
             raise InputError(
                 f"camera {self.sensor.name!r} is a {self.sensor.kind} camera and has "
-                f"no {port}; it has {', '.join(kinds)}"
+                f"no {kind}; it has {', '.join(self._camera.kinds)}"
             )
-        return camera.GetOutputPort(port).Eval(self._own_context())
+        return self._camera.take(self._own_context(), kind)

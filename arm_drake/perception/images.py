@@ -1,5 +1,6 @@
 """Messages of pictures and points as arrays, and as pictures that people look at."""
 
+import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -8,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_drake.errors import InputError
-from arm_drake.messages import Header, Image, PointCloud2, PointField
+from arm_drake.messages import CompressedImage, Header, Image, PointCloud2, PointField
 from arm_drake.output_files import writing
 
 # Numbers of a pixel, and their type, by encoding of `sensor_msgs/Image`.
@@ -72,6 +73,22 @@ def to_array(image: Image) -> NDArray[Any]:
     pixels = np.frombuffer(image.data, kind)
     shape = (image.height, image.width, count)
     return pixels.reshape(shape if count > 1 else shape[:2])
+
+
+def compress(image: Image, kind: str) -> CompressedImage:
+    """Return a picture of 8 bits as a file, a "jpeg" or "png".
+
+    Qualities and names of formats are those of compressed_image_transport.
+    """
+    from PIL import Image as Picture  # Large, and seldom wanted.
+
+    is_mono = image.encoding in _MONO
+    pixels, file = to_array(image) if is_mono else to_rgb(image), io.BytesIO()
+    how = {"quality": 80} if kind == "jpeg" else {"compress_level": 3}
+    Picture.fromarray(np.ascontiguousarray(pixels)).save(file, kind, **how)
+    target = "" if is_mono else "bgr8"
+    name = f"{image.encoding}; {kind} compressed {target}"
+    return CompressedImage(image.header, name, file.getvalue())
 
 
 def to_rgb(image: Image) -> NDArray[np.uint8]:

@@ -11,7 +11,6 @@ gazebo_ros_ray_sensor.cpp; ros_gz_bridge, src/convert/sensor_msgs.cpp; REP 117.
 
 import importlib.util
 import itertools
-import math
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -202,26 +201,33 @@ class RayScene:
         Raises:
             ArmDrakeError: If Embree is missing, and without it would take too long.
         """
-        frames = query.inspector().GetAllFrameIds()
         nearest = np.full(len(ways), np.inf)
-        for tree in self._trees:
-            X_WF = RigidTransform(query.GetPoseInWorld(frames[tree.place]))
-            to_center = X_WF.multiply(tree.center) - origin
-            outside = float(to_center @ to_center) - tree.radius**2
-            if outside > 0.0 and math.hypot(*to_center) - tree.radius > longest:
-                continue
-            along = ways @ to_center
+        if not self._trees:
+            return nearest
+        frames = query.inspector().GetAllFrameIds()
+        poses = [query.GetPoseInWorld(frames[tree.place]) for tree in self._trees]
+        X_WF = np.stack([pose.GetAsMatrix34() for pose in poses])
+        centers = np.stack([tree.center for tree in self._trees])
+        radii = np.array([tree.radius for tree in self._trees])
+        to_center = np.einsum("tij,tj->ti", X_WF[..., :3], centers)
+        to_center += X_WF[..., 3] - origin
+        distance = np.linalg.norm(to_center, axis=1)
+        is_inside = distance <= radii
+        tangent = np.sqrt(np.where(is_inside, 0.0, distance**2 - radii**2))
+        along = to_center @ ways.T
+        for number in np.flatnonzero(is_inside | (distance - radii <= longest)):
+            tree = self._trees[number]
             meets: Any = slice(None)
-            if outside > 0.0:
-                # A ray that passes the sphere beside or behind meets nothing in it.
-                meets = np.flatnonzero(along >= math.sqrt(outside))
+            if not is_inside[number]:
+                # A ray that passes a sphere beside or behind meets nothing in it.
+                meets = np.flatnonzero(along[number] >= tangent[number])
                 if not len(meets):
                     continue
-            R_WF = X_WF.rotation().matrix()
+            R_WF, p_WF = X_WF[number, :, :3], X_WF[number, :, 3]
             # Embree reckons in single precision: from near the shapes it is exact.
-            ahead = np.maximum(along[meets] - 1.01 * tree.radius, shortest)
+            ahead = np.maximum(along[number, meets] - 1.01 * tree.radius, shortest)
             seen = ways[meets] @ R_WF
-            begin = R_WF.T @ (origin - X_WF.translation()) + ahead[:, None] * seen
+            begin = R_WF.T @ (origin - p_WF) + ahead[:, None] * seen
             hits = tree.hit(begin, seen)
             distances = np.where(hits < _NO_HIT, hits + ahead, np.inf)
             nearest[meets] = np.minimum(nearest[meets], distances)
@@ -371,7 +377,6 @@ class Lidar(SensorSystem):
         input_ports:
         - geometry_query
         output_ports:
-        - ranges
         - /<lidar>
         - /<lidar>/points
 
@@ -379,8 +384,6 @@ class Lidar(SensorSystem):
     port              size  meaning
     ================  ====  =======================================================
     geometry_query    --    where all shapes are, as the scene graph tells it
-    ranges            --    distances [m], shape (vertical, horizontal); +inf where
-                            there is nothing
     /<lidar>          --    LaserScan, the ring in the middle
     /<lidar>/points   --    PointCloud2, a row for each ring
     ================  ====  =======================================================
@@ -396,7 +399,6 @@ class Lidar(SensorSystem):
         topics = topics_of(sensor, place.robot, place.world)
         super().__init__(sensor, place, scenery, topics)
         self.sensor = sensor
-        self._ranges = self._declare("ranges", self._calc_ranges)
         self._declare_topics()
 
     @property
@@ -414,7 +416,15 @@ class Lidar(SensorSystem):
         """Unit vectors of the rays, x ahead, shape (vertical, horizontal, 3)."""
         return directions_of(self.sensor)
 
-    def _calc_ranges(self, context: Context) -> Array:
+    def ranges(self, context: Context) -> Array:
+        """Return distances [m], shape (vertical, horizontal), by its own context.
+
+        They are +inf where there is nothing.
+        """
+        ranges: Array = self._measure(context, "ranges", self._cast)
+        return ranges
+
+    def _cast(self, context: Context) -> Array:
         sensor, query = self.sensor, self._query.Eval(context)
         role = Role.kProximity if sensor.sees_collisions else Role.kPerception
         scenes = self.scenery.ray_scenes
@@ -435,7 +445,7 @@ class Lidar(SensorSystem):
         return ranges.reshape(shape)
 
     def _make_scan(self, context: Context) -> LaserScan:
-        ranges, sensor = self._ranges.Eval(context), self.sensor
+        ranges, sensor = self.ranges(context), self.sensor
         axis = sensor.horizontal
         step = (axis.max_angle - axis.min_angle) / max(1, axis.count - 1)
         return LaserScan(
@@ -458,7 +468,7 @@ class Lidar(SensorSystem):
             field_of_view=max(axis.max_angle - axis.min_angle for axis in axes),
             min_range=sensor.range_min,
             max_range=sensor.range_max,
-            range=float(self._ranges.Eval(context).min()),
+            range=float(self.ranges(context).min()),
         )
 
     def points(self, context: Context) -> Array:
@@ -467,7 +477,7 @@ class Lidar(SensorSystem):
         Rays that meet nothing are +inf or -inf, and NaN where they are along an axis.
         """
         with np.errstate(invalid="ignore"):
-            return np.asarray(self._ranges.Eval(context)[..., None] * self.directions)
+            return np.asarray(self.ranges(context)[..., None] * self.directions)
 
     def _make_points(self, context: Context) -> PointCloud2:
         header, points = self._header(context, self.frame_id), self.points(context)
@@ -475,7 +485,7 @@ class Lidar(SensorSystem):
 
     def _make_cloud(self, context: Context) -> PointCloud:
         ranges, header = (
-            self._ranges.Eval(context),
+            self.ranges(context),
             self._header(context, self.frame_id),
         )
         points = self.points(context)[np.isfinite(ranges)]
@@ -533,4 +543,4 @@ class LidarHandle(SensorHandle):
         return self._in_world(points) if frame == "world" else np.asarray(points)
 
     def _eval(self) -> Any:
-        return self._lidar.GetOutputPort("ranges").Eval(self._own_context())
+        return self._lidar.ranges(self._own_context())

@@ -9,9 +9,11 @@ import ctypes
 import functools
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from pydrake.common import MemoryFile
 from pydrake.geometry import (
     ColorRenderCamera,
     DepthRenderCamera,
@@ -20,8 +22,10 @@ from pydrake.geometry import (
     GeometryFrame,
     GeometryId,
     GeometryInstance,
+    InMemoryMesh,
     LightParameter,
     MakeRenderEngineVtk,
+    Mesh,
     PerceptionProperties,
     QueryObject,
     RenderEngineVtkParams,
@@ -37,6 +41,13 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
 
 from arm_drake.arrays import Array
+from arm_drake.description.meshes.surfaces import (
+    Surface,
+    decode_gltf,
+    encode_gltf,
+    join,
+    move,
+)
 from arm_drake.errors import ArmDrakeError
 from arm_drake.worlds.lights import DAYLIGHT, Light
 
@@ -53,6 +64,8 @@ _BRIGHTNESS: Final = 2.6
 
 # Label of what is nothing: sky.
 NOTHING: Final = 0
+
+_WHITE: Final = (1.0, 1.0, 1.0, 1.0)
 
 # Colour behind everything where the world names none.
 SKY: Final = (0.7, 0.7, 0.7)
@@ -88,7 +101,8 @@ class Scenery:
         """Remember what is needed; nothing is loaded yet."""
         self._lights = DAYLIGHT if lights is None else lights
         self._background = background
-        self._loaded: _Loaded | None = None
+        # By whether it is labelled.
+        self._loaded: dict[bool, _Loaded] = {}
         self._marks: list[GeometryId] = []
 
         # Place of each frame of the diagram by name.
@@ -103,15 +117,17 @@ class Scenery:
     @property
     def is_loaded(self) -> bool:
         """Whether a picture was taken."""
-        return self._loaded is not None
+        return bool(self._loaded)
 
-    def look(self, query: QueryObject) -> QueryObject:
+    def look(self, query: QueryObject, *, is_labelled: bool = False) -> QueryObject:
         """Return what renders the scene as it is now, by frames of its own.
+
+        Only the one that is labelled can tell shapes of a frame from each other.
 
         Raises:
             ArmDrakeError: If the renderer's libraries are missing.
         """
-        loaded = self._load(query)
+        loaded = self._load(query, is_labelled=is_labelled)
         everywhere = query.inspector().GetAllFrameIds()
         poses = FramePoseVector()
         for place, frame in loaded.frames:
@@ -185,17 +201,17 @@ class Scenery:
 
         The numbers are those of `label_names`.
         """
-        seen = self.look(query)
+        seen = self.look(query, is_labelled=True)
         picture = seen.RenderLabelImage(camera, _world(seen), X_WC)
         _let_go()
         labels = np.array(picture.data[..., 0])
         labels[(labels < 0) | (labels >= len(self.label_names))] = NOTHING
         return labels.astype(np.uint16)
 
-    def _load(self, query: QueryObject) -> _Loaded:
-        """Return the copy of the scene, which is made once."""
-        if self._loaded is not None:
-            return self._loaded
+    def _load(self, query: QueryObject, *, is_labelled: bool = False) -> _Loaded:
+        """Return a copy of the scene, which is made once."""
+        if is_labelled in self._loaded:
+            return self._loaded[is_labelled]
         require_renderer()
         scene_graph = SceneGraph()
         scene_graph.AddRenderer(RENDERER, MakeRenderEngineVtk(self._parameters()))
@@ -211,11 +227,11 @@ class Scenery:
             if frame != inspector.world_frame_id():
                 target = scene_graph.RegisterFrame(source, GeometryFrame(str(place)))
                 frames.append((place, target))
-            for copy in copies:
+            for copy in copies if is_labelled else _join(copies):
                 scene_graph.RegisterGeometry(source, target, copy)
         context = scene_graph.CreateDefaultContext()
-        self._loaded = _Loaded(scene_graph, context, source, frames)
-        return self._loaded
+        self._loaded[is_labelled] = _Loaded(scene_graph, context, source, frames)
+        return self._loaded[is_labelled]
 
     def _copy(
         self, inspector: SceneGraphInspector, frame: FrameId, name: str
@@ -254,6 +270,57 @@ class Scenery:
             # Else its materials would depend on whether a mesh has physical ones.
             force_to_pbr=True,
         )
+
+
+def _join(copies: Sequence[GeometryInstance]) -> list[GeometryInstance]:
+    """Return the shapes of a frame, with one mesh in place of many.
+
+    A picture takes time for each mesh and each of its materials, several times as long
+    with shadows. What is seen through is one mesh more, and its parts have materials of
+    their own. Meshes with textures stay as they are, as do those of others.
+    """
+    rest: list[GeometryInstance] = []
+    surfaces: list[Surface] = []
+    for copy in copies:
+        found = _read(copy.shape())
+        if not found:
+            rest.append(copy)
+            continue
+        matrix = copy.pose().GetAsMatrix34()
+        matrix = matrix @ np.diag([*copy.shape().scale3(), 1.0])
+        surfaces += [move(surface, matrix) for surface in found]
+    if len(surfaces) < 2:
+        return list(copies)
+    clear = [surface for surface in surfaces if not _is_opaque(surface)]
+    opaque = [surface for surface in surfaces if _is_opaque(surface)]
+    joined = {"opaque": [join(opaque)] if opaque else [], "clear": clear}
+    made = [_make_mesh(parts, name) for name, parts in joined.items() if parts]
+    return [*made, *rest]
+
+
+def _make_mesh(surfaces: list[Surface], name: str) -> GeometryInstance:
+    file = MemoryFile(encode_gltf(surfaces, _WHITE), ".gltf", name)
+    mesh = Mesh(InMemoryMesh(mesh_file=file), 1.0)
+    made = GeometryInstance(RigidTransform(), mesh, name)
+    properties = PerceptionProperties()
+    properties.AddProperty("label", "id", RenderLabel.kDontCare)
+    made.set_perception_properties(properties)
+    return made
+
+
+def _read(shape: Shape) -> list[Surface]:
+    """Return the surfaces of a mesh if it can be taken apart."""
+    if not isinstance(shape, Mesh) or min(shape.scale3()) <= 0.0:
+        return []
+    path = Path(str(shape.source().path()))
+    surfaces = decode_gltf(path.read_bytes()) if path.suffix == ".gltf" else []
+    return surfaces if all(surface.uv is None for surface in surfaces) else []
+
+
+def _is_opaque(surface: Surface) -> bool:
+    colors = surface.vertex_colors
+    is_clear = surface.color is not None and surface.color[3] < 1.0
+    return not is_clear and (colors is None or colors[:, 3].min() >= 1.0)
 
 
 def require_renderer() -> None:

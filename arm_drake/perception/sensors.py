@@ -6,7 +6,7 @@ import importlib
 import math
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Final, NamedTuple, get_args
+from typing import Any, Final, NamedTuple, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,12 @@ from pydrake.common.value import AbstractValue
 from pydrake.geometry import QueryObject, SceneGraph
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import (
+    CacheIndex,
     Context,
     DiagramBuilder,
     LeafSystem,
-    OutputPort,
     State,
+    ValueProducer,
 )
 
 from arm_drake.controllers.gazebo.plugin import ros_topic
@@ -36,6 +37,7 @@ from arm_drake.description.robot import Pose, Robot
 from arm_drake.errors import InputError, suggest
 from arm_drake.manager.connections import with_prefix
 from arm_drake.messages import Header, Message
+from arm_drake.perception.images import compress
 from arm_drake.perception.scenery import Scenery
 from arm_drake.plant.plant import transform_of
 from arm_drake.python_system import PythonSystem
@@ -68,6 +70,11 @@ class SensorSystem(PythonSystem):
     It has no state: whenever it is asked, it tells what is there then, and nothing is
     computed that nobody reads. There is an output port for each of its `topics`, and
     the classes of their messages are in `output_types`.
+
+    Drake tells whatever depends on the time or on poses at each step that these have
+    changed, and a step of a small robot is little more than that. So nothing here
+    depends on the time, and the ports keep no values: what was measured is kept by all
+    of them in one place, with its time, until something may have moved.
     """
 
     def __init__(
@@ -102,6 +109,9 @@ class SensorSystem(PythonSystem):
         self._query = self.DeclareAbstractInputPort(
             "geometry_query", AbstractValue.Make(QueryObject())
         )
+        forget = ValueProducer(lambda: AbstractValue.Make({}), _forget)
+        entry = self.DeclareCacheEntry("measured", forget, {self._query.ticket()})
+        self._measured = int(entry.cache_index())
         self.output_types: dict[str, type[Message]] = {}
 
     @property
@@ -110,21 +120,37 @@ class SensorSystem(PythonSystem):
         """What makes the messages of topics, by what is on them."""
 
     def _declare_topics(self) -> None:
-        for key, topic in self.topics.items():
+        for number, (key, topic) in enumerate(self.topics.items(), start=1):
             kind, make = self._makers[key]
             self.output_types[topic] = kind
             self._declare(topic, make)
+            # Of cache entries of a system each has the number after the last one's.
+            entry = self.get_cache_entry(CacheIndex(self._measured + number))
+            entry.disable_caching_by_default()
 
-    def _declare(self, name: str, make: Any) -> OutputPort:
+    def _declare(self, topic: str, make: Any) -> None:
         def calc(context: Context, output: AbstractValue) -> None:
-            output.set_value(make(context))
+            output.set_value(self._measure(context, topic, make))
 
-        return self.DeclareAbstractOutputPort(
-            name,
+        self.DeclareAbstractOutputPort(
+            topic,
             lambda: AbstractValue.Make(()),
             calc,
-            prerequisites_of_calc={self._query.ticket(), self.time_ticket()},
+            prerequisites_of_calc={self._query.ticket()},
         )
+
+    def _measure(
+        self, context: Context, what: str, make: Callable[[Context], Any]
+    ) -> Any:
+        """Return what `make` makes, once for the time and the poses of a context."""
+        entry = self.get_cache_entry(CacheIndex(self._measured))
+        measured, now = entry.Eval(context), context.get_time()
+        if measured.get("time") != now:
+            measured.clear()
+            measured["time"] = now
+        if what not in measured:
+            measured[what] = make(context)
+        return measured[what]
 
     def pose(self, context: Context) -> RigidTransform:
         """Return the pose of what it measures in, in the world, by its own context."""
@@ -137,6 +163,10 @@ class SensorSystem(PythonSystem):
 
     def _header(self, context: Context, frame: str) -> Header:
         return Header.from_nanoseconds(_nanoseconds(context), frame)
+
+
+def _forget(_: Context, measured: AbstractValue) -> None:
+    measured.set_value({})
 
 
 def _nanoseconds(context: Context) -> int:
@@ -170,6 +200,27 @@ class SensorHandle:
         """Return points of the sensor's own frame in the world, shape (n, 3)."""
         X_WM = self.pose
         return np.asarray(points @ X_WM.rotation().matrix().T + X_WM.translation())
+
+
+_Sensor = TypeVar("_Sensor", bound=SensorSystem)
+
+
+def find_sensor(
+    sensors: Mapping[str, SensorSystem], kind: type[_Sensor], name: str, none: str = ""
+) -> _Sensor:
+    """Return a sensor of a kind, or raise InputError.
+
+    `none` is what to do where there is none.
+    """
+    found = {key: each for key, each in sensors.items() if isinstance(each, kind)}
+    if name not in found:
+        word = kind.__name__.lower()
+        problem = f"no {word} {name!r}"
+        if name in sensors:
+            problem = f"{name!r} is a {type(sensors[name]).__name__.lower()}, no {word}"
+        hint = suggest(name, found) if found else f"the robots have no {word}{none}"
+        raise InputError(f"{problem}; {hint}")
+    return found[name]
 
 
 def find_classic_topics(
@@ -221,11 +272,20 @@ class SensorLog(PythonSystem):
     What was kept is in the context.
     """
 
-    def __init__(self, sensor: SensorSystem, prefix: str) -> None:
+    def __init__(
+        self, sensor: SensorSystem, prefix: str, image_format: str = "raw"
+    ) -> None:
         """Create it for a sensor of a robot, whose names begin with a prefix."""
         super().__init__()
         self.topics = tuple(sensor.output_types)
-        self._names = tuple(f"/{prefix}{topic.lstrip('/')}" for topic in self.topics)
+        self._image_format = image_format
+        pictures = {sensor.topics.get(name) for name in ("image", "colored_map")}
+        is_file = [image_format != "raw" and topic in pictures for topic in self.topics]
+        self._is_file = tuple(is_file)
+        self._names = tuple(
+            f"/{prefix}{topic.lstrip('/')}{'/compressed' if is_file else ''}"
+            for topic, is_file in zip(self.topics, self._is_file, strict=True)
+        )
         for topic in self.topics:
             self.DeclareAbstractInputPort(topic, AbstractValue.Make(()))
         self._kept = self.DeclareAbstractState(AbstractValue.Make([None]))
@@ -234,7 +294,12 @@ class SensorLog(PythonSystem):
 
     def _update(self, context: Context, state: State) -> None:
         messages = tuple(
-            self.GetInputPort(topic).Eval(context) for topic in self.topics
+            compress(message, self._image_format) if is_file else message
+            for message, is_file in zip(
+                [self.GetInputPort(topic).Eval(context) for topic in self.topics],
+                self._is_file,
+                strict=True,
+            )
         )
         before = context.get_abstract_state(self._kept).get_value()[0]
         kept = _Sampled(context.get_time(), messages, before)
@@ -285,11 +350,13 @@ def add_sensors(
     prefix: str,
     report: LoadReport,
     logged: Sequence[str] = (),
+    image_format: str = "raw",
 ) -> tuple[LeafSystem, ...]:
     """Add the cameras and lidars of a robot, and export their topics.
 
     A topic has one publisher. They compute nothing that nobody reads; the log of those
-    whose names, with the prefix, are in `logged` reads them.
+    whose names, with the prefix, are in `logged` reads them, and has their pictures in
+    a format, as `SimulationOptions.log_image_format`.
     """
     systems: list[LeafSystem] = []
     publishers: dict[str, str] = {}
@@ -314,7 +381,7 @@ def add_sensors(
         systems.append(system)
         if f"{prefix}{sensor.name}" in logged:
             name = log_name(prefix, sensor.name)
-            log = builder.AddNamedSystem(name, SensorLog(system, prefix))
+            log = builder.AddNamedSystem(name, SensorLog(system, prefix, image_format))
             for topic in log.topics:
                 builder.Connect(system.GetOutputPort(topic), log.GetInputPort(topic))
     return tuple(systems)

@@ -13,6 +13,7 @@ from arm_drake.messages.base import ros_type
 # Classes of messages that cameras and lidars have.
 _CLASSES: Final = (
     messages.CameraInfo,
+    messages.CompressedImage,
     messages.Image,
     messages.LaserScan,
     messages.PointCloud,

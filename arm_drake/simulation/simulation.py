@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -21,7 +21,6 @@ from arm_drake.errors import (
     InputError,
     OutputError,
     SimulationError,
-    suggest,
 )
 from arm_drake.manager import MANAGER, SWITCH_PORT
 from arm_drake.messages import (
@@ -70,14 +69,13 @@ from arm_drake.simulation.recording import (
 from arm_drake.simulation.topics import TopicNames
 
 if TYPE_CHECKING:
-    from arm_drake.perception.cameras import Camera, CameraHandle
-    from arm_drake.perception.lidar import Lidar, LidarHandle
+    from arm_drake.perception.cameras import CameraHandle
+    from arm_drake.perception.lidar import LidarHandle
+    from arm_drake.perception.sensors import SensorSystem
     from arm_drake.planning.motion_planning import Plan, Target
 
 # Times of rows are rounded to nanoseconds [s].
 _SAME_TIME = 1e-9
-
-_Sensor = TypeVar("_Sensor", bound="Camera | Lidar")
 
 # How often it writes [s] of simulated time.
 PERIOD = 1.0
@@ -419,9 +417,10 @@ class Simulation:
             InputError: If there is no such camera.
         """
         from arm_drake.perception.cameras import Camera, CameraHandle
+        from arm_drake.perception.sensors import find_sensor
 
-        none = "the robots have none; arm_drake.add_camera adds one"
-        camera = self._find_sensor(Camera, name, none)
+        none = "; arm_drake.add_camera adds one"
+        camera = find_sensor(self._sensors(), Camera, name, none)
         return CameraHandle(camera, lambda: self.simulator.get_context())
 
     def lidar(self, name: str) -> "LidarHandle":
@@ -434,22 +433,18 @@ class Simulation:
             InputError: If there is no such lidar.
         """
         from arm_drake.perception.lidar import Lidar, LidarHandle
+        from arm_drake.perception.sensors import find_sensor
 
-        lidar = self._find_sensor(Lidar, name, "the robots have none")
+        lidar = find_sensor(self._sensors(), Lidar, name)
         return LidarHandle(lidar, lambda: self.simulator.get_context())
 
-    def _find_sensor(self, kind: type[_Sensor], name: str, none: str) -> _Sensor:
-        """Return a sensor of a kind, by name with the robot's prefix."""
-        found = {
+    def _sensors(self) -> "dict[str, SensorSystem]":
+        """Return cameras and lidars by name, with the robot's prefix."""
+        return {
             f"{manager.prefix}{sensor.sensor.name}": sensor
             for manager in self.directory.managers.values()
             for sensor in manager.sensors
-            if isinstance(sensor, kind)
         }
-        if name not in found:
-            hint = suggest(name, found) if found else none
-            raise InputError(f"no {kind.__name__.lower()} {name!r}; {hint}")
-        return found[name]
 
     def list_topics(self) -> TopicList:
         """Return the topics and the types of their messages; as text, a table."""

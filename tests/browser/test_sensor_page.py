@@ -3,6 +3,7 @@
 import base64
 import concurrent.futures
 import io
+import itertools
 import math
 import subprocess
 import sys
@@ -167,6 +168,47 @@ def test_a_picture_is_what_the_camera_takes(
         scale = shown[130]
         assert scale[0].argmax() == 0  # Near is red.
         assert scale[-1].argmax() == 2  # Far is blue.
+
+
+def test_cameras_are_shown_as_pyramids(program: Live, screen: Screen) -> None:
+    before = screen.picture(program.mark())
+    toggle = screen.widget("cameras:frusta")
+    section = screen.page.locator("details", has=toggle)
+    if section.get_attribute("open") is None:
+        section.locator("summary").click()
+
+    part = find_part(program.subject.parts, CameraPictures)
+    screen.click("cameras:frusta")
+    screen.until(lambda: part.has_frusta, "the pyramids")
+    picture = screen.picture(program.mark())
+    screen.click("cameras:frusta")
+    screen.until(lambda: not part.has_frusta, "no pyramids")
+    without = screen.picture(program.mark())
+
+    # From the camera, which looks along x, to the corners of its picture 0.15 m ahead,
+    # 1 rad apart from left to right; a quarter less up and down.
+    depth, half = 0.15, 0.15 * math.tan(0.5)
+    apex = np.array([-DISTANCE, 0.0, HEIGHT])
+    signs = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+    corners = [apex + np.array([depth, y * half, z * 0.75 * half]) for y, z in signs]
+    edges = [(apex, corner) for corner in corners]
+    edges += list(itertools.pairwise([*corners, corners[0]]))
+    share = np.linspace(0.0, 1.0, 60)[:, None]
+    expected = np.concatenate([a + share * (b - a) for a, b in edges])
+    # Above the upper edge a mark shows where up is.
+    top = (corners[0] + corners[1]) / 2.0
+    mark = top + share * [0.0, 0.0, 0.3 * 0.75 * half]
+    changed = np.argwhere(np.abs(picture.astype(int) - before).max(axis=2) > 30)
+    drawn = changed[:, ::-1]
+    assert not (np.abs(without.astype(int) - before).max(axis=2) > 30).any()
+    pixels = CAMERA.project(expected)
+    pixels = pixels[pixels[:, 0] >= 0]  # One corner is beside the picture.
+    assert len(pixels) > 0.7 * len(expected)
+    to_drawn, _ = KDTree(drawn).query(pixels)
+    assert to_drawn.max() < 4.0
+    lines = CAMERA.project(np.concatenate([expected, mark]))
+    to_line, _ = KDTree(lines).query(drawn)
+    assert to_line.max() < 4.0
 
 
 def test_a_recording_has_scans_of_its_times(page: Page, tmp_path: Path) -> None:

@@ -51,6 +51,29 @@ def lidar(**numbers: str) -> str:
             "image height: expected 1 to 8192 pixels, got 0.5",
         ),
         (
+            "camera",
+            _CAMERA.format("<horizontal_fov>0</horizontal_fov>"),
+            "horizontal_fov: expected more than 0 and less than pi, got 0 rad",
+        ),
+        (
+            "camera",
+            "<camera><image><width>8193</width></image></camera>",
+            "image width: expected 1 to 8192 pixels, got 8193",
+        ),
+        (
+            "camera",
+            _CAMERA.format("<clip><near>5</near><far>5</far></clip>"),
+            "clip: expected 0 < near < far, got 5 and 5 m",
+        ),
+        (
+            "camera",
+            "<camera><image><format>R8G8</format></image></camera>",
+            "unknown pixel format 'R8G8'; known: R8G8B8, RGB_INT8, B8G8R8, BGR_INT8, "
+            "L8, L_INT8, L16, L_INT16, R16G16B16, RGB_INT16, RGB_INT32, R_FLOAT16, "
+            "R_FLOAT32, RGB_FLOAT16, RGB_FLOAT32, BAYER_RGGB8, BAYER_BGGR8, "
+            "BAYER_GBRG8, BAYER_GRBG8, BAYER_RGGR8",
+        ),
+        (
             "gpu_lidar",
             lidar(samples="0"),
             "horizontal samples: expected 1 to 10000000, got 0",
@@ -70,8 +93,9 @@ def lidar(**numbers: str) -> str:
 def test_a_sensor_that_cannot_be_is_an_error(kind: str, inside: str, what: str) -> None:
     robot = load(kind, inside)
 
-    assert [(e.what, e.done) for e in robot.report.errors] == [
-        (what, "the sensor is left out")
+    about = [e for e in robot.report if "sensor" in e.what + e.where + e.done]
+    assert [(e.severity, e.what, e.done) for e in about] == [
+        ("error", what, "the sensor is left out")
     ]
     assert robot.description.perception_sensors == ()
 
@@ -79,7 +103,7 @@ def test_a_sensor_that_cannot_be_is_an_error(kind: str, inside: str, what: str) 
 def test_a_sensor_of_no_link_is_an_error() -> None:
     robot = load("camera", _CAMERA.format(""), reference="eve")
 
-    [error] = [e for e in robot.report.errors if "'front'" in e.where]
+    [error] = [e for e in robot.report if "sensor" in e.what + e.where + e.done]
     assert error.what.startswith("its reference is no link, 'eve'; ")
     assert "eye" in error.what
     assert robot.description.perception_sensors == ()

@@ -3,14 +3,19 @@
 import concurrent.futures
 import dataclasses as dc
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
+from pydrake.systems.framework import CacheIndex
 
 import arm_drake as ad
 from arm_drake.errors import InputError
+from arm_drake.perception.cameras import Camera
 from arm_drake.perception.images import to_array, to_points
+from arm_drake.perception.scenery import Scenery
 from tests.snippets import ROOT, read_blocks
 
 _URDF = """<robot name="r"><link name="world"/><link name="base">
@@ -91,6 +96,50 @@ def test_nobody_reads_nothing_is_loaded() -> None:
     [camera] = simulation.directory.manager(None).sensors
 
     assert not camera.scenery.is_loaded
+
+
+def test_steps_tell_cameras_little() -> None:
+    simulation = ad.Simulation(ad.build_diagram(load()))
+    [camera] = simulation.directory.manager(None).sensors
+    entries = [
+        camera.get_cache_entry(CacheIndex(i)) for i in range(_num_entries(camera))
+    ]
+    of_ports = [entry for entry in entries if "output port" in entry.description()]
+    measured = [entry for entry in entries if entry.description() == "measured"]
+
+    assert len(of_ports) == camera.num_output_ports() == 4
+    assert all(entry.is_disabled_by_default() for entry in of_ports)
+    for entry in (*of_ports, *measured):
+        assert entry.prerequisites() == {camera.GetInputPort("geometry_query").ticket()}
+    assert camera.GetInputPort("geometry_query").ticket() != camera.time_ticket()
+
+
+def _num_entries(camera: Camera) -> int:
+    return camera._measured + 1 + camera.num_output_ports()
+
+
+def test_what_is_read_is_of_its_time_and_poses() -> None:
+    # Also where no step of the plant lies between two times.
+    robot = ad.load_robot("mycobot_280")
+    robot = ad.add_camera(robot, "gripper_base", name="hand", width=32, height=24)
+    sim = ad.Simulation(ad.build_diagram(robot))
+    stamps, pictures = [], []
+    root = sim.simulator.get_mutable_context()
+    plant = sim.diagram.GetSubsystemByName("plant")
+    port = sim.diagram.GetOutputPort("/hand/image")
+
+    for time, angle in ((0.0, None), (0.0, None), (0.0, 0.5), (1e-4, None)):
+        root.SetTime(time)
+        if angle is not None:
+            joint = plant.GetJointByName("link1_to_link2")
+            joint.set_angle(plant.GetMyMutableContextFromRoot(root), angle)
+        pictures.append(port.Eval(root))
+        stamps.append(pictures[-1].header.stamp.nanosec)
+
+    assert pictures[1] is pictures[0]
+    assert pictures[2].data != pictures[0].data
+    assert pictures[3].data == pictures[2].data
+    assert stamps == [0, 0, 0, 100_000]
 
 
 def test_threads_take_pictures_in_turns(capfd: pytest.CaptureFixture[str]) -> None:
@@ -174,3 +223,48 @@ def test_the_page_of_cameras_is_right() -> None:
     assert not names["found"]
     assert camera.color().shape == (480, 640, 3)
     assert any("mycobot" in name for name in camera.label_names)
+
+
+_ROOM = """<sdf version="1.11"><world name="room"><model name="m"><static>1</static>
+<link name="l">{visuals}</link></model></world></sdf>"""
+
+
+def test_meshes_that_move_together_are_drawn_as_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    visuals = ""
+    for index, (color, size) in enumerate(
+        (("1 0.2 0.1 1", 0.3), ("0.1 0.3 1 0.4", 0.2), ("0.1 0.8 0.2 1", 0.2))
+    ):
+        name = f"{index}.ply"
+        trimesh.creation.box((size,) * 3).export(tmp_path / name)
+        visuals += f"""<visual name="v{index}"><pose>0.{index} 0.{2 + 3 * index} 0.4
+        0.2 0.3 0.5</pose><geometry><mesh><uri>{name}</uri><scale>1 1.5 0.5</scale>
+        </mesh></geometry><material><diffuse>{color}</diffuse></material></visual>"""
+    world = tmp_path / "room.sdf"
+    world.write_text(_ROOM.format(visuals=visuals))
+
+    def shoot() -> tuple[Scenery, Any, Any, Any]:
+        robot = ad.add_camera(load(), "world", (-1.0, 0.1, 0.5, 0, 0, 0), name="all")
+        camera = ad.Simulation(ad.build_diagram(robot, world=world)).camera("all")
+        scenery = camera._camera.scenery
+        return scenery, camera.color(), camera.depth(), camera.labels()
+
+    scenery, *joined = shoot()
+    monkeypatch.setattr("arm_drake.perception.scenery._join", list)
+    apart, *expected = shoot()
+
+    # The red and the green one, the blue one, and the box of `load`.
+    counts = [
+        each._loaded[False].scene_graph.model_inspector().num_geometries()
+        for each in (scenery, apart)
+    ]
+    assert counts == [3, 4]
+    color, depth, labels = joined
+    names = {scenery.label_names[number] for number in np.unique(labels)}
+    assert names == {"nothing", "m::l", "r::base"}
+    np.testing.assert_array_equal(labels, expected[2])
+    np.testing.assert_allclose(depth, expected[1], atol=1e-4)
+    # Edges that VTK rounds otherwise may differ.
+    differences = np.abs(color.astype(int) - expected[0]).max(axis=2)
+    assert (differences > 2).sum() < 20

@@ -248,11 +248,31 @@ def test_without_embree_small_scans_are_the_same(
         look(robot).ranges()
 
 
-def test_a_wrong_name_is_told() -> None:
-    simulation = ad.Simulation(ad.build_diagram(load()))
+def test_wrong_names_are_told() -> None:
+    alone = ad.Simulation(ad.build_diagram(load()))
+    both = ad.Simulation(ad.build_diagram(ad.add_camera(load(), "eye", name="cam")))
+    lidar = "'front' is a lidar, no camera; "
+    found = []
 
-    with pytest.raises(InputError, match="no lidar 'rear'"):
-        simulation.lidar("rear")
+    for find, name in (
+        (alone.lidar, "rear"),
+        (alone.camera, "front"),
+        (both.camera, "front"),
+        (both.lidar, "cam"),
+        (alone.camera, "rear"),
+    ):
+        with pytest.raises(InputError) as error:
+            find(name)
+        found.append(str(error.value))
+
+    none = "the robots have no camera; arm_drake.add_camera adds one"
+    assert found == [
+        "no lidar 'rear'; known: front",
+        f"{lidar}{none}",
+        f"{lidar}known: cam",
+        "'cam' is a camera, no lidar; known: front",
+        f"no camera 'rear'; {none}",
+    ]
 
 
 @pytest.mark.parametrize("kind", ["Range", "PointCloud", "PointCloud2"])

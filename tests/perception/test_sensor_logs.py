@@ -1,8 +1,10 @@
 """What cameras and lidars publish, in rollouts and in their files."""
 
+import io
 from pathlib import Path
 
 import numpy as np
+import PIL.Image
 import pytest
 
 import arm_drake as ad
@@ -88,6 +90,49 @@ def test_a_bag_has_the_types_that_others_read(
     assert (picture.height, picture.width, picture.encoding) == (48, 64, "rgb8")
     first = simulation.rollout().sensor_messages["/cam/image"][0]
     assert picture.data.tobytes() == first.data
+
+
+@pytest.mark.parametrize(("kind", "largest"), [("jpeg", 12), ("png", 0)])
+def test_pictures_in_a_bag_are_files_where_asked(
+    kind: str, largest: int, tmp_path: Path
+) -> None:
+    highlevel = pytest.importorskip("rosbags.highlevel")
+    robot = ad.add_camera(load(), "eye", name="cam", width=64, height=48)
+    options = ad.SimulationOptions(log_images=("cam",), log_image_format=kind)
+    simulation = ad.Simulation(ad.build_diagram(robot, options=options))
+    simulation.advance_to(0.04)
+    simulation.rollout().save(tmp_path / "run.mcap")
+
+    with highlevel.AnyReader([tmp_path / "run.mcap"]) as reader:
+        types = {c.topic: c.msgtype for c in reader.connections if "/cam" in c.topic}
+        (connection,) = (c for c in reader.connections if "compressed" in c.topic)
+        messages = [
+            reader.deserialize(data, connection.msgtype)
+            for _, _, data in reader.messages([connection])
+        ]
+    read = ad.Rollout.load(tmp_path / "run.mcap").sensor_messages
+
+    assert types == {
+        "/cam/image/compressed": "sensor_msgs/msg/CompressedImage",
+        "/cam/depth_image": "sensor_msgs/msg/Image",
+        "/cam/points": "sensor_msgs/msg/PointCloud2",
+        "/cam/camera_info": "sensor_msgs/msg/CameraInfo",
+    }
+    assert len(messages) == 2
+    assert messages[1].format == f"rgb8; {kind} compressed bgr8"
+    file = PIL.Image.open(io.BytesIO(messages[1].data.tobytes()))
+    assert file.format == kind.upper()
+    differences = np.asarray(file).astype(int) - simulation.camera("cam").color()
+    assert np.abs(differences).max() <= largest
+    assert read == simulation.rollout().sensor_messages
+
+
+def test_formats_that_are_none_are_told() -> None:
+    with pytest.raises(InputError) as error:
+        ad.SimulationOptions(log_image_format="jpg")
+
+    expected = "log_image_format 'jpg'; did you mean 'jpeg'? known: jpeg, png, raw"
+    assert str(error.value) == expected
 
 
 def test_a_recorder_writes_each_once(tmp_path: Path) -> None:

@@ -99,6 +99,16 @@ def linear(srgb: Array) -> Array:
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
 
 
+_GENERATOR = "arm_drake"
+
+# Columns of a surface, with their names in glTF, and how many numbers each has.
+_ATTRIBUTES = {
+    "vertices": ("POSITION", 3),
+    "normals": ("NORMAL", 3),
+    "vertex_colors": ("COLOR_0", 4),
+    "uv": ("TEXCOORD_0", 2),
+}
+
 _MATTE = {"metallicFactor": 0.0, "roughnessFactor": 0.8}
 
 
@@ -152,7 +162,7 @@ def encode_gltf(surfaces: list[Surface], default_color: Color) -> bytes:
         primitives.append(primitive | {"material": materials.index(material)})
 
     uri = _data_uri("application/octet-stream", bytes(buffer))
-    document: dict[str, Any] = {"asset": {"version": "2.0", "generator": "arm_drake"}}
+    document: dict[str, Any] = {"asset": {"version": "2.0", "generator": _GENERATOR}}
     document |= {"scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}]}
     document |= {"meshes": [{"primitives": primitives}], "materials": materials}
     document |= {"accessors": accessors, "bufferViews": views}
@@ -163,8 +173,83 @@ def encode_gltf(surfaces: list[Surface], default_color: Color) -> bytes:
     return json.dumps(document, separators=(",", ":")).encode()
 
 
+def decode_gltf(content: bytes) -> list[Surface]:
+    """Return the surfaces of a file of `encode_gltf`, none of another's.
+
+    Those that have a texture lack it, and have their texture coordinates.
+    """
+    try:
+        document = json.loads(content)
+    except ValueError:
+        return []
+    if document.get("asset", {}).get("generator") != _GENERATOR:
+        return []
+    data = base64.b64decode(document["buffers"][0]["uri"].partition(",")[2])
+
+    def get(number: int, kind: str) -> Array:
+        view = document["bufferViews"][document["accessors"][number]["bufferView"]]
+        count = view["byteLength"] // 4
+        return np.frombuffer(data, kind, count, view["byteOffset"])
+
+    surfaces = []
+    for primitive in document["meshes"][0]["primitives"]:
+        look = document["materials"][primitive["material"]]["pbrMetallicRoughness"]
+        columns: dict[str, Any] = {
+            name: get(primitive["attributes"][key], "<f4").reshape(-1, size)
+            for name, (key, size) in _ATTRIBUTES.items()
+            if key in primitive["attributes"]
+        }
+        vertices = _z_up(columns.pop("vertices"))
+        if "normals" in columns:
+            columns["normals"] = _z_up(columns["normals"])
+        faces = get(primitive["indices"], "<u4").reshape(-1, 3)
+        color = tuple(look["baseColorFactor"])
+        surfaces.append(Surface(vertices, faces, color, **columns))
+    return surfaces
+
+
+def move(surface: Surface, matrix: Array) -> Surface:
+    """Return a surface where a (3, 4) matrix puts it, with normals."""
+    faces, columns = surface.faces, dict[str, Any](vertices=surface.vertices)
+    if surface.normals is None:
+        corners = surface.vertices.astype(float)[faces]
+        a, b, c = np.moveaxis(corners, 1, 0)
+        columns["vertices"] = corners.reshape(-1, 3)
+        columns["normals"] = np.repeat(np.cross(b - a, c - a), 3, axis=0)
+        if surface.vertex_colors is not None:
+            columns["vertex_colors"] = surface.vertex_colors[faces.ravel()]
+        faces = np.arange(faces.size).reshape(-1, 3)
+    else:
+        columns["normals"] = surface.normals
+    normals = columns["normals"] @ np.linalg.inv(matrix[:, :3])
+    columns["normals"] = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    columns["vertices"] = columns["vertices"] @ matrix[:, :3].T + matrix[:, 3]
+    return dc.replace(surface, faces=faces, **columns)
+
+
+def join(surfaces: list[Surface]) -> Surface:
+    """Return surfaces that have colours and normals as one, with colours by vertex."""
+    starts = np.cumsum([0, *(len(s.vertices) for s in surfaces)])
+    colors = [
+        np.tile(np.array(s.color), (len(s.vertices), 1))
+        if s.vertex_colors is None
+        else s.vertex_colors
+        for s in surfaces
+    ]
+    return Surface(
+        np.concatenate([s.vertices for s in surfaces]),
+        np.concatenate([s.faces + n for s, n in zip(surfaces, starts, strict=False)]),
+        normals=np.concatenate([np.asarray(s.normals) for s in surfaces]),
+        vertex_colors=np.concatenate(colors),
+    )
+
+
 def _y_up(vectors: Array) -> Array:
     return vectors[:, [0, 2, 1]] * [1.0, 1.0, -1.0]
+
+
+def _z_up(vectors: Array) -> Array:
+    return vectors[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
 
 
 def _data_uri(kind: str, data: bytes) -> str:
