@@ -16,6 +16,9 @@ from arm_drake.commands import analyze
 from arm_drake.errors import InputError
 from tests.models import LIFT, MASS, TWO_LINKS, load, trajectory_controllers
 
+# All of them simulate seconds.
+pytestmark = pytest.mark.slow
+
 ARM = trajectory_controllers({"arm": ["shoulder", "elbow"]})
 
 # Of the mass on a slide; a tick is a step of the physics.

@@ -27,6 +27,9 @@ from arm_drake.worlds.world import add_world, load_world
 from tests.robots import load_real_robot
 from tests.snippets import ROOT, read_blocks
 
+# All of them simulate seconds.
+pytestmark = pytest.mark.slow
+
 # The myCobot's plate is 25 mm below its origin.
 POSE = (0.0, 0.0, 0.026, 0.0, 0.0, 0.0)
 
