@@ -106,7 +106,11 @@ class CollisionModel:
         nearest, *others = divide_shapes(standing, base)
         self._parts = [_Part(each, distance_to(each, base), None) for each in others]
         self._build(robot, nearest, padding, positions)
+        # What always touches doesn't depend on where joints are that aren't planned: a
+        # model is kept, and has to be the same whenever it is made.
+        self.set_positions(robot.initial_positions)
         self._filter(robot)
+        self.set_positions(positions)
 
     def _build(
         self,
