@@ -64,6 +64,9 @@ _MARGIN, _GRID = 0.98, 100
 # for its efforts to keep their limits.
 _CRUISING, _SLOWEST = 0.9, 10.0
 
+# Places on a path at which weight is looked at.
+_PLACES = 40
+
 # Grid points aren't closer than this; what is no limit for Toppra.
 _SMALLEST, _UNLIMITED = 1e-6, 1e6
 
@@ -205,9 +208,7 @@ def time_path(
     a = np.array([limits[name].acceleration for name in joints]) * scaling[1]
     jerk = np.array([limits[name].jerk for name in joints])
     end = path[-1:]
-    lengths = [float(np.max(np.abs(y - x) / v)) for x, y in itertools.pairwise(path)]
-    keep = [True, *(length > 1e-9 for length in lengths)]
-    path, lengths = path[keep], [length for length in lengths if length > 1e-9]
+    path, lengths = _measure(path, v)
     if sum(lengths) < 4.0 * _SMALLEST:
         still = np.zeros((1, len(joints)))
         return Samples(np.zeros(1), end, still, still), True
@@ -237,6 +238,28 @@ def time_path(
     samples.v[[0, -1]] = 0.0
     samples.q[0], samples.q[-1] = path[0], path[-1]
     return samples, keeps
+
+
+def round_corners(
+    mover: Mover, path: np.ndarray, rounding: float, scaling: tuple[float, float]
+) -> list[np.ndarray]:
+    """Return points on each corner of a path as motions round it, shapes (k, n)."""
+    limits = motion_limits(mover.robot)
+    v = np.array([limits[name].velocity for name in mover.joints]) * scaling[0]
+    path, lengths = _measure(path, v)
+    if len(path) < 3:
+        return []
+    curve = _round(path, lengths, rounding)
+    ends = curve.get_segment_times()[1:-1]  # Between them are lines and parabolas.
+    places = [np.linspace(*each, 5) for each in zip(ends[::2], ends[1::2], strict=True)]
+    return [np.array(curve.vector_values(s)).T for s in places]
+
+
+def _measure(path: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, list[float]]:
+    """Return a path without lines that are none, and how long each takes at speeds."""
+    lengths = [float(np.max(np.abs(y - x) / v)) for x, y in itertools.pairwise(path)]
+    keep = [True, *(length > 1e-9 for length in lengths)]
+    return path[keep], [length for length in lengths if length > 1e-9]
 
 
 def _sample(
@@ -411,26 +434,19 @@ def _find_drives(mover: Mover) -> _Drives:
     )
 
 
-def _find_efforts(drives: _Drives, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
-    """Return efforts of inertia, and of weight, at points of a motion, shape (k, n)."""
-    plant, spread = drives.plant, drives.spread
-    context, nothing = plant.CreateDefaultContext(), MultibodyForces(plant)
-    inertia, weight = [], []
-    q, v, a = drives.whole(samples.q), samples.v @ spread.T, samples.a @ spread.T
-    for row in zip(q, v, a, strict=True):
-        plant.SetPositionsAndVelocities(context, np.concatenate(row[:2]))
-        inertia.append(plant.CalcInverseDynamics(context, row[2], nothing))
-        weight.append(-plant.CalcGravityGeneralizedForces(context))
-    return np.array(inertia) @ spread, np.array(weight) @ spread
-
-
 def _steady_speeds(drives: _Drives, curve: PiecewisePolynomial) -> np.ndarray:
     """Return speeds at which damping leaves effort to accelerate, shape (n,)."""
-    s = np.linspace(curve.start_time(), curve.end_time(), _GRID)
-    q = np.array(curve.vector_values(s)).T
-    _, weight = _find_efforts(drives, Samples(s, q, 0.0 * q, 0.0 * q))
-    left = drives.limit - drives.friction - np.abs(weight).max(axis=0)
-    speeds = np.full(len(left), math.inf)
+    speeds = np.full(len(drives.limit), math.inf)
+    if not drives.damping.any():
+        return speeds
+    s = np.linspace(curve.start_time(), curve.end_time(), _PLACES)
+    plant, context = drives.plant, drives.plant.CreateDefaultContext()
+    weight = np.zeros(len(speeds))
+    for q in drives.whole(np.array(curve.vector_values(s)).T):
+        plant.SetPositions(context, q)
+        here = plant.CalcGravityGeneralizedForces(context) @ drives.spread
+        weight = np.maximum(weight, np.abs(here))
+    left = drives.limit - drives.friction - weight
     counts = (left > 0.0) & (drives.damping > 0.0)
     speeds[counts] = _CRUISING * left[counts] / drives.damping[counts]
     return speeds
@@ -441,11 +457,18 @@ def _slower_for_efforts(drives: _Drives, samples: Samples) -> float:
 
     It is at least 1, and infinite if they don't even where it hardly moves.
     """
-    inertia, weight = _find_efforts(drives, samples)
-    steady = weight + drives.friction * np.sign(samples.v)
+    plant, context = drives.plant, drives.plant.CreateDefaultContext()
+    nothing = MultibodyForces(plant)
+    moving, steady = np.empty((2, *samples.q.shape))
+    whole = (samples.v @ drives.spread.T, samples.a @ drives.spread.T)
+    for i, (q, v, a) in enumerate(zip(drives.whole(samples.q), *whole, strict=True)):
+        plant.SetPositionsAndVelocities(context, np.concatenate([q, v]))
+        moving[i] = plant.CalcInverseDynamics(context, a, nothing) @ drives.spread
+        steady[i] = -plant.CalcGravityGeneralizedForces(context) @ drives.spread
+    steady += drives.friction * np.sign(samples.v)
     fastest = 1.0
     for side in (1.0, -1.0):
-        A, B = side * inertia, side * drives.damping * samples.v
+        A, B = side * moving, side * drives.damping * samples.v
         left = drives.limit - side * steady
         if np.any(left <= 0.0):
             return math.inf

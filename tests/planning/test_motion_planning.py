@@ -263,12 +263,12 @@ def test_a_search_ends_by_its_count_of_iterations(
     pytest.importorskip("ompl")
     asked = 0
 
-    def is_edge_free(model: CollisionModel, *line: object) -> bool:
+    def is_inside_free(model: CollisionModel, *line: object) -> bool:
         nonlocal asked
         asked += 1
         return False
 
-    monkeypatch.setattr(CollisionModel, "is_edge_free", is_edge_free)
+    monkeypatch.setattr(CollisionModel, "is_inside_free", is_inside_free)
 
     with pytest.raises(ad.PlanningError) as caught:
         ad.plan(doosan, END, start=START, world=with_a_post)
@@ -514,10 +514,10 @@ def test_ctrl_c_ends_a_search(
         told.append(time.process_time())
         os.kill(os.getpid(), signal.SIGINT)
 
-    def is_edge_free(model: CollisionModel, *line: object) -> bool:
+    def is_inside_free(model: CollisionModel, *line: object) -> bool:
         return False  # A search without an end.
 
-    monkeypatch.setattr(CollisionModel, "is_edge_free", is_edge_free)
+    monkeypatch.setattr(CollisionModel, "is_inside_free", is_inside_free)
     timer = threading.Timer(0.5, interrupt)
     timer.start()
 
