@@ -59,11 +59,11 @@ import sys
 from arm_drake.cli import main
 from arm_drake.planning.collisions import CollisionModel
 
-def is_edge_free(*line):
+def is_inside_free(*line):
     print("searching", flush=True)
     return False
 
-CollisionModel.is_edge_free = is_edge_free
+CollisionModel.is_inside_free = is_inside_free
 sys.exit(main(sys.argv[1:]))
 """
 

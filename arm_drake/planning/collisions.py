@@ -69,6 +69,10 @@ _LEAST_PADDING = 1e-3
 # The weight of a joint that carries no shape [m].
 _NO_WEIGHT = 1e-3
 
+# How many steps of a check ahead things are looked for. That is worth it where so many
+# can be left out; where not, ever more are checked before it is tried again.
+_STRIDE, _WORTH, _LONGEST_WAIT = 8.0, 2, 255
+
 # Models of a robot that are kept, of different groups and worlds.
 _KEPT = 8
 
@@ -106,7 +110,11 @@ class CollisionModel:
         nearest, *others = divide_shapes(standing, base)
         self._parts = [_Part(each, distance_to(each, base), None) for each in others]
         self._build(robot, nearest, padding, positions)
+        # What always touches doesn't depend on where joints are that aren't planned: a
+        # model is kept, and has to be the same whenever it is made.
+        self.set_positions(robot.initial_positions)
         self._filter(robot)
+        self.set_positions(positions)
 
     def _build(
         self,
@@ -261,13 +269,17 @@ class CollisionModel:
         The end is checked first, then the middle, and so on: what isn't free is seen
         soon.
         """
+        return self.is_free(y) and self.is_inside_free(x, y, step) and self.is_free(x)
+
+    def is_inside_free(self, x: np.ndarray, y: np.ndarray, step: float) -> bool:
+        """Whether nothing collides on a line, as `is_edge_free`, but for its ends."""
         p, q = self.configuration(x), self.configuration(y)
         count = math.ceil(float(self._weights @ np.abs(q - p)) / step)
         check = self.checker.CheckConfigCollisionFree
         if not all(check(p + part * (q - p)) for part in _spread(max(count, 1))):
             return False
         return all(
-            each.is_edge_free(x, y, step) for each in self._around(self._padding)
+            each.is_inside_free(x, y, step) for each in self._around(self._padding)
         )
 
     def first_collision(self, path: np.ndarray) -> int | None:
@@ -280,23 +292,41 @@ class CollisionModel:
         return min((at for at in found if at is not None), default=None)
 
     def _first_collision(self, path: np.ndarray) -> int | None:
-        """Return the first segment of a path that isn't free by the model's checker."""
+        """Return the first segment of a path that isn't free by the model's checker.
+
+        Where the next thing is far away, checks that can't fail are left out.
+        """
         qs = np.array([self.configuration(x) for x in path])
         lengths = np.abs(np.diff(qs, axis=0)) @ self._weights
         at = np.append(0.0, np.cumsum(lengths))
         count = math.ceil(at[-1] / self.fine_step)
+        if not count:  # One point is no path.
+            return None if self.checker.CheckConfigCollisionFree(qs[0]) else 0
         places = np.linspace(0.0, at[-1], count + 1)
         segments = np.searchsorted(at, places, side="right") - 1
-        for place, index in zip(
-            places, np.minimum(segments, len(path) - 2), strict=True
-        ):
-            if index < 0:  # One point is no path.
-                return None if self.checker.CheckConfigCollisionFree(qs[0]) else 0
-            part = (place - at[index]) / max(lengths[index], 1e-12)
-            q = qs[index] + min(part, 1.0) * (qs[index + 1] - qs[index])
-            if not self.checker.CheckConfigCollisionFree(q):
+        segments = np.minimum(segments, len(path) - 2)
+        parts = (places - at[segments]) / np.maximum(lengths[segments], 1e-12)
+        step, number, waits, left = at[-1] / count, 0, 0, 0
+        while number <= count:
+            index = segments[number]
+            q = qs[index] + min(parts[number], 1.0) * (qs[index + 1] - qs[index])
+            if left:  # Distances take longer, and were of no use.
+                left -= 1
+                free, passed = self.checker.CheckConfigCollisionFree(q), 0
+            else:
+                distance = self._distance(q, _STRIDE * step)
+                free, passed = distance > 0.0, math.ceil(distance / step) - 1
+                waits = 0 if passed >= _WORTH else min(4 * waits + 3, _LONGEST_WAIT)
+                left = waits
+            if not free:
                 return int(index)
+            number += 1 + passed
         return None
+
+    def _distance(self, q: np.ndarray, influence: float) -> float:
+        """Return how much nearer things may come [m], `influence` at most."""
+        found = np.array(self.checker.CalcRobotClearance(q, influence).distances())
+        return float(np.min(found, initial=influence))  # Drake takes the padding off.
 
     @property
     def largest_weight(self) -> float:
@@ -332,11 +362,7 @@ class CollisionModel:
         """Return the smallest distance on points of a path [m], `influence` at most."""
         smallest = influence
         for x in path:
-            found = self.checker.CalcRobotClearance(self.configuration(x), smallest)
-            # Drake takes the padding off.
-            distances = np.array(found.distances())
-            if distances.size:
-                smallest = min(smallest, float(distances.min()))
+            smallest = self._distance(self.configuration(x), smallest)
         nearest = smallest + self._checker_padding
         around = (each.clearance(path, smallest) for each in self._around(smallest))
         return min([nearest, *around])
@@ -472,7 +498,7 @@ class CollisionModel:
 
 @functools.cache
 def _spread(count: int) -> tuple[float, ...]:
-    """Return parts of a line, from the end to ever finer halves, and its start."""
+    """Return parts of a line between its ends, from the middle to ever finer halves."""
     found: list[int] = []
     waiting = [(0, count)]
     for low, high in waiting:  # It grows.
@@ -480,7 +506,7 @@ def _spread(count: int) -> tuple[float, ...]:
         if low < middle < high:
             found.append(middle)
             waiting += [(low, middle), (middle, high)]
-    return tuple(each / count for each in (count, *found, 0))
+    return tuple(each / count for each in found)
 
 
 def _disable(matrix: np.ndarray, one: int, two: int) -> None:

@@ -702,6 +702,11 @@ def read_pose(pose: RigidTransform | Sequence[float]) -> RigidTransform:
         numbers = np.append(pose.rotation().matrix(), pose.translation())
         if not np.all(np.isfinite(numbers)):
             raise InputError("pose: expected finite numbers")
+        if not pose.rotation().IsValid():
+            raise InputError(
+                f"pose: expected a rotation, whose axes have the length 1 and are at "
+                f"right angles; got {pose.rotation().matrix().tolist()}"
+            )
         return pose
     expected = "expected a RigidTransform, or x, y, z [m], roll, pitch, yaw [rad]"
     try:

@@ -60,6 +60,7 @@ from arm_drake.planning.timing import (
     default_scaling,
     deviation,
     motion_limits,
+    round_corners,
     time_path,
 )
 from arm_drake.plant.joint_ranges import joint_ranges
@@ -81,6 +82,10 @@ Target: TypeAlias = str | Mapping[str, float] | RigidTransform | Sequence[float]
 # the last check's steps comes closer than the padding between them at times: then it is
 # another way that is looked for.
 _COARSER = (10.0, 3.0, 1.0, 1.0, 1.0, 1.0)
+
+# Steps at which rounded corners are looked at before a motion is timed, in those of the
+# last check.
+_ACROSS = 5.0
 
 # How far from a corner a path leaves its lines, in units of the path's parameter: the
 # time that a joint needs at full speed [s].
@@ -375,8 +380,14 @@ class _Problem(NamedTuple):
         limits = motion_limits(self.robot)
         return any(math.isfinite(limits[name].jerk) for name in self.group.joints)
 
-    def time(self, path: np.ndarray) -> Iterator[tuple[Samples, bool]]:
-        """Yield motions ever nearer to a path, and whether efforts keep limits."""
+    def time(
+        self, path: np.ndarray, is_free: Callable[[np.ndarray], bool] = lambda _: True
+    ) -> Iterator[tuple[Samples, bool]]:
+        """Yield motions ever nearer to a path, and whether efforts keep limits.
+
+        Those are left out of whose corners one isn't free: its points have the shape
+        (k, n).
+        """
         mover = Mover(self.robot, self.group.joints, self.positions, self.payloads)
         given = self.options.velocity_scaling, self.options.acceleration_scaling
         by_default = default_scaling(self.robot)
@@ -387,6 +398,8 @@ class _Problem(NamedTuple):
         slower = _WITH_JERK if self.has_jerk_limits else ((r, 1.0) for r in _ROUNDINGS)
         for rounding, stretch in slower:
             scaling = velocity, acceleration
+            if not all(map(is_free, round_corners(mover, path, rounding, scaling))):
+                continue
             found = time_path(mover, path, rounding, scaling, stretch)
             if found is None:
                 raise PlanningError(
@@ -444,6 +457,12 @@ def _plan_leg(problem: _Problem, start: np.ndarray, target: Target) -> _Leg:
     limit = problem.options.time_limit
     deadline = None if limit is None else time.monotonic() + limit
     path = np.array([start])
+
+    def is_free(corner: np.ndarray) -> bool:
+        across = _ACROSS * problem.model.fine_step
+        edges = itertools.pairwise(corner)
+        return all(problem.model.is_edge_free(x, y, across) for x, y in edges)
+
     for number, coarser in enumerate(_COARSER):
         step = coarser * problem.model.fine_step
         is_finer = number > 0 and coarser < _COARSER[number - 1]
@@ -455,9 +474,11 @@ def _plan_leg(problem: _Problem, start: np.ndarray, target: Target) -> _Leg:
             for begin, ends in pieces
         ]
         path = np.vstack([found[0][:1], *(piece[1:] for piece in found)])
-        for samples, keeps in problem.time(path):
+        for samples, keeps in problem.time(path, is_free):
             if problem.first_fault(samples.q) is None:
                 return _Leg(path, samples, keeps)
+            if problem.first_fault(path) is not None:
+                break  # Sharper corners are no help.
     tilts = "" if problem.tilt is None else " or tilts more than it may"
     raise PlanningError(
         f"no plan: each of {len(_COARSER)} ways that were found comes closer than the "

@@ -40,20 +40,52 @@ _IN_CONE = 1e-4
 _LONGEST_STEP = 0.1
 
 
+class _Memory:
+    """What Drake was asked already: OMPL checks both ends of an edge, and edges, anew.
+
+    Trees grow from states that are free, and of a way with few corners the same two are
+    joined time and again.
+    """
+
+    def __init__(self, model: CollisionModel, step: float) -> None:
+        """Remember nothing yet; edges are checked at steps in the model's norm."""
+        self._model, self._step = model, step
+        self._free: dict[bytes, bool] = {}
+        self._edges: dict[tuple[bytes, bytes], bool] = {}
+
+    def is_free(self, x: np.ndarray) -> bool:
+        """Whether nothing collides at joint positions."""
+        key = x.tobytes()
+        if key not in self._free:
+            self._free[key] = self._model.is_free(x)
+        return self._free[key]
+
+    def is_edge_free(self, x: np.ndarray, y: np.ndarray) -> bool:
+        """Whether nothing collides on a line."""
+        one, other = x.tobytes(), y.tobytes()
+        if (one, other) not in self._edges:
+            # The start is the last to be looked at, but for what is known of it.
+            self._edges[one, other] = (
+                self.is_free(y)
+                and self._free.get(one, True)
+                and self._model.is_inside_free(x, y, self._step)
+                and self.is_free(x)
+            )
+        return self._edges[one, other]
+
+
 class _EdgeChecker(base.MotionValidator):
     """Has Drake check whole edges."""
 
-    def __init__(
-        self, space: base.SpaceInformation, model: CollisionModel, step: float
-    ) -> None:
+    def __init__(self, space: base.SpaceInformation, memory: _Memory) -> None:
         super().__init__(space)
-        self._model, self._step = model, step
-        self._size = len(model.joints)
+        self._memory = memory
+        self._size = space.getStateDimension()
 
     def checkMotion(self, one: base.State, other: base.State) -> bool:
         """Whether nothing collides between two states."""
         x, y = _values(one, self._size), _values(other, self._size)
-        return self._model.is_edge_free(x, y, self._step)
+        return self._memory.is_edge_free(x, y)
 
 
 class _Cone(base.Constraint):
@@ -181,10 +213,11 @@ def _find_information(
     space.setBounds(box)
     if tilt is None:
         information = base.SpaceInformation(space)
+        memory = _Memory(model, step)
         information.setStateValidityChecker(
-            lambda state: model.is_free(_values(state, size))
+            lambda state: memory.is_free(_values(state, size))
         )
-        information.setMotionValidator(_EdgeChecker(information, model, step))
+        information.setMotionValidator(_EdgeChecker(information, memory))
         return information
     cone = base.ProjectedStateSpace(space, _Cone(tilt, size))
     information = base.ConstrainedSpaceInformation(cone)

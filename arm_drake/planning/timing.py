@@ -11,6 +11,10 @@ window, and leaves the path by no more than acceleration times its square by 24.
 acceleration than is allowed may be faster, and nearer to the path: a part s of it takes
 about s^-1/2 of the time, and the window s times as long, which is shortest together for
 s^3/2 = time / (2 window).
+
+Toppra's efforts are those of inertia and weight. What damping and dry friction take is
+added here: of a motion in r times the speed, joints ask for A r^2 + B r + G, where A is
+of inertia, B of damping, and G of weight and friction.
 """
 
 import itertools
@@ -22,6 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydrake.multibody.optimization import Toppra, ToppraDiscretization
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import MultibodyForces
 from pydrake.trajectories import PiecewisePolynomial
 
 from arm_drake.description.joints import last_master
@@ -53,6 +58,14 @@ _FINE = 1e-3
 
 # Toppra exceeds limits between its grid points by some percent.
 _MARGIN, _GRID = 0.98, 100
+
+# Part of a joint's effort beside weight and friction that damping takes at most while
+# it moves steadily; the rest accelerates it. How much slower a motion becomes at most
+# for its efforts to keep their limits.
+_CRUISING, _SLOWEST = 0.9, 10.0
+
+# Places on a path at which weight is looked at.
+_PLACES = 40
 
 # Grid points aren't closer than this; what is no limit for Toppra.
 _SMALLEST, _UNLIMITED = 1e-6, 1e6
@@ -195,22 +208,21 @@ def time_path(
     a = np.array([limits[name].acceleration for name in joints]) * scaling[1]
     jerk = np.array([limits[name].jerk for name in joints])
     end = path[-1:]
-    lengths = [float(np.max(np.abs(y - x) / v)) for x, y in itertools.pairwise(path)]
-    keep = [True, *(length > 1e-9 for length in lengths)]
-    path, lengths = path[keep], [length for length in lengths if length > 1e-9]
+    path, lengths = _measure(path, v)
     if sum(lengths) < 4.0 * _SMALLEST:
         still = np.zeros((1, len(joints)))
         return Samples(np.zeros(1), end, still, still), True
     curve = _round(path, lengths, rounding)
-    found = _parametrize(mover, curve, v, a)
-    if found is None:
+    drives = _find_drives(mover)
+    v = np.minimum(v, _steady_speeds(drives, curve))
+    times = _parametrize(drives, curve, v, a)
+    if times is None:
         return None
-    samples = _sample(curve, found[0], _PERIOD)
+    samples = _sample(curve, times, _PERIOD)
     part = (samples.t[-1] / (2.0 * _window(samples, jerk))) ** (2.0 / 3.0)
     if np.isfinite(jerk).any() and part < 1.0:
-        found = _parametrize(mover, curve, v, part * a) or found
-        samples = _sample(curve, found[0], _PERIOD)
-    times, keeps = found
+        times = _parametrize(drives, curve, v, part * a) or times
+        samples = _sample(curve, times, _PERIOD)
     slower = stretch * max(
         1.0,
         float(np.max(np.abs(samples.v) / v)),
@@ -220,9 +232,34 @@ def time_path(
         samples = _slow_down(samples, slower)
     else:
         samples = _average(_slow_down(_sample(curve, times, _FINE), slower), jerk)
+    slower = _slower_for_efforts(drives, samples)
+    keeps = slower <= _SLOWEST
+    samples = _slow_down(samples, slower if keeps else 1.0)
     samples.v[[0, -1]] = 0.0
     samples.q[0], samples.q[-1] = path[0], path[-1]
     return samples, keeps
+
+
+def round_corners(
+    mover: Mover, path: np.ndarray, rounding: float, scaling: tuple[float, float]
+) -> list[np.ndarray]:
+    """Return points on each corner of a path as motions round it, shapes (k, n)."""
+    limits = motion_limits(mover.robot)
+    v = np.array([limits[name].velocity for name in mover.joints]) * scaling[0]
+    path, lengths = _measure(path, v)
+    if len(path) < 3:
+        return []
+    curve = _round(path, lengths, rounding)
+    ends = curve.get_segment_times()[1:-1]  # Between them are lines and parabolas.
+    places = [np.linspace(*each, 5) for each in zip(ends[::2], ends[1::2], strict=True)]
+    return [np.array(curve.vector_values(s)).T for s in places]
+
+
+def _measure(path: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, list[float]]:
+    """Return a path without lines that are none, and how long each takes at speeds."""
+    lengths = [float(np.max(np.abs(y - x) / v)) for x, y in itertools.pairwise(path)]
+    keep = [True, *(length > 1e-9 for length in lengths)]
+    return path[keep], [length for length in lengths if length > 1e-9]
 
 
 def _sample(
@@ -344,13 +381,110 @@ def _round(
     )
 
 
+class _Drives(NamedTuple):
+    """What the drives of a group's joints move, and how strong they are."""
+
+    # A plant of the robot alone, with what its links hold.
+    plant: MultibodyPlant
+
+    # Positions of all joints are `rest` and `spread` times those of the group, shape
+    # (m,) and (m, n).
+    rest: np.ndarray
+    spread: np.ndarray
+
+    # Which of all joints these are, shape (n,).
+    chosen: np.ndarray
+
+    # Efforts [N·m] or [N], dry friction, and damping [N·m·s/rad] or [N·s/m], (n,).
+    limit: np.ndarray
+    friction: np.ndarray
+    damping: np.ndarray
+
+    def whole(self, q: np.ndarray) -> np.ndarray:
+        """Return where all joints are, shape (k, m), for those of the group, (k, n)."""
+        return self.rest + q @ self.spread.T
+
+
+def _find_drives(mover: Mover) -> _Drives:
+    robot, group = mover.robot, mover.joints
+    plant = trial_plant(robot)
+    if any(payload.mass for payload in mover.payloads.values()):
+        plant = make_reduced_plant(
+            robot.description, robot.pose, 1e-3, payloads=mover.payloads
+        )
+    joints = {joint.name: joint for joint in robot.description.movable_joints}
+    rest, friction, damping = np.zeros((3, plant.num_positions()))
+    spread = np.zeros((plant.num_positions(), len(group)))
+    for name, joint in joints.items():
+        at = plant.GetJointByName(name).position_start()
+        rest[at] = mover.positions[name]
+        friction[at], damping[at] = joint.friction, joint.damping
+        master, factor, _ = last_master(joint, joints)
+        if master in group:
+            spread[at, group.index(master)] = factor
+    efforts = [joints[name].limits.effort for name in group]
+    return _Drives(
+        plant,
+        rest - spread @ mover.start,
+        spread,
+        np.array([plant.GetJointByName(name).position_start() for name in group]),
+        np.array([min(effort or _UNLIMITED, _UNLIMITED) for effort in efforts]),
+        friction @ np.abs(spread),
+        damping @ spread**2,
+    )
+
+
+def _steady_speeds(drives: _Drives, curve: PiecewisePolynomial) -> np.ndarray:
+    """Return speeds at which damping leaves effort to accelerate, shape (n,)."""
+    speeds = np.full(len(drives.limit), math.inf)
+    if not drives.damping.any():
+        return speeds
+    s = np.linspace(curve.start_time(), curve.end_time(), _PLACES)
+    plant, context = drives.plant, drives.plant.CreateDefaultContext()
+    weight = np.zeros(len(speeds))
+    for q in drives.whole(np.array(curve.vector_values(s)).T):
+        plant.SetPositions(context, q)
+        here = plant.CalcGravityGeneralizedForces(context) @ drives.spread
+        weight = np.maximum(weight, np.abs(here))
+    left = drives.limit - drives.friction - weight
+    counts = (left > 0.0) & (drives.damping > 0.0)
+    speeds[counts] = _CRUISING * left[counts] / drives.damping[counts]
+    return speeds
+
+
+def _slower_for_efforts(drives: _Drives, samples: Samples) -> float:
+    """Return how much slower a motion has to be for efforts to keep their limits.
+
+    It is at least 1, and infinite if they don't even where it hardly moves.
+    """
+    plant, context = drives.plant, drives.plant.CreateDefaultContext()
+    nothing = MultibodyForces(plant)
+    moving, steady = np.empty((2, *samples.q.shape))
+    whole = (samples.v @ drives.spread.T, samples.a @ drives.spread.T)
+    for i, (q, v, a) in enumerate(zip(drives.whole(samples.q), *whole, strict=True)):
+        plant.SetPositionsAndVelocities(context, np.concatenate([q, v]))
+        moving[i] = plant.CalcInverseDynamics(context, a, nothing) @ drives.spread
+        steady[i] = -plant.CalcGravityGeneralizedForces(context) @ drives.spread
+    steady += drives.friction * np.sign(samples.v)
+    fastest = 1.0
+    for side in (1.0, -1.0):
+        A, B = side * moving, side * drives.damping * samples.v
+        left = drives.limit - side * steady
+        if np.any(left <= 0.0):
+            return math.inf
+        # The smallest root above 0 of A r^2 + B r = left, if there is one.
+        square = B**2 + 4.0 * A * left
+        below = B + np.sqrt(np.maximum(square, 0.0))
+        binds = (square >= 0.0) & (below > 0.0)
+        fastest = min(fastest, np.min(2.0 * left[binds] / below[binds], initial=1.0))
+    return 1.0 / fastest
+
+
 def _parametrize(
-    mover: Mover, curve: PiecewisePolynomial, v: np.ndarray, a: np.ndarray
-) -> tuple[PiecewisePolynomial, bool] | None:
-    """Return the curve's parameter by time, and whether limits of effort are kept."""
-    plant, joints = _timing_plant(mover), mover.joints
-    chosen = [plant.GetJointByName(name).position_start() for name in joints]
-    whole = _of_all_joints(mover, curve)
+    drives: _Drives, curve: PiecewisePolynomial, v: np.ndarray, a: np.ndarray
+) -> PiecewisePolynomial | None:
+    """Return the curve's parameter by time; efforts keep limits if they can."""
+    plant, whole = drives.plant, _of_all_joints(drives, curve)
     breaks = np.array(curve.get_segment_times())
     count = min(_GRID, 2 + int(breaks[-1] / (2.0 * _SMALLEST)))
     even = np.linspace(breaks[0], breaks[-1], count)
@@ -358,10 +492,10 @@ def _parametrize(
     grid = grid[np.append(np.diff(grid) > _SMALLEST, True)]
     grid[0] = breaks[0]
     most_v, most_a, most_u = np.full((3, plant.num_positions()), _UNLIMITED)
-    most_v[chosen], most_a[chosen] = v, _MARGIN * a
-    efforts = {j.name: j.limits.effort for j in mover.robot.description.joints}
-    for name, at in zip(joints, chosen, strict=True):
-        most_u[at] = min(efforts[name] or _UNLIMITED, _UNLIMITED)
+    most_v[drives.chosen], most_a[drives.chosen] = v, _MARGIN * a
+    # What is weaker than its friction isn't looked at here.
+    left = np.maximum(drives.limit - drives.friction, 0.0)
+    most_u[drives.chosen] = np.where(left > 0.0, left, _UNLIMITED)
     # Interpolation is exact at more points, collocation rarely fails.
     ways = (ToppraDiscretization.kInterpolation, ToppraDiscretization.kCollocation)
     with drake_messages():  # It says so when it fails.
@@ -373,34 +507,15 @@ def _parametrize(
                 toppra.AddJointTorqueLimit(-most_u, most_u, way)
             times = toppra.SolvePathParameterization()
             if times is not None:
-                return times, keeps
+                return times
     return None
 
 
-def _timing_plant(mover: Mover) -> MultibodyPlant:
-    """Return a plant of the robot alone, with what its links hold."""
-    robot = mover.robot
-    if not any(payload.mass for payload in mover.payloads.values()):
-        return trial_plant(robot)
-    return make_reduced_plant(
-        robot.description, robot.pose, 1e-3, payloads=mover.payloads
-    )
-
-
-def _of_all_joints(mover: Mover, curve: PiecewisePolynomial) -> Any:
+def _of_all_joints(drives: _Drives, curve: PiecewisePolynomial) -> Any:
     """Return the curve with the joints that follow, and those that stay."""
-    plant, group = trial_plant(mover.robot), mover.joints
-    joints = {joint.name: joint for joint in mover.robot.description.movable_joints}
-    rest = np.zeros(plant.num_positions())
-    spread = np.zeros((plant.num_positions(), len(group)))
-    for name, joint in joints.items():
-        at = plant.GetJointByName(name).position_start()
-        rest[at] = mover.positions[name]
-        master, factor, _ = last_master(joint, joints)
-        if master in group:
-            spread[at, group.index(master)] = factor
     breaks = curve.get_segment_times()
     values = np.array([curve.value(s)[:, 0] for s in breaks])
     slopes = np.array([curve.EvalDerivative(s, 1)[:, 0] for s in breaks])
-    offsets = rest + (values - mover.start) @ spread.T
-    return PiecewisePolynomial.CubicHermite(breaks, offsets.T, (slopes @ spread.T).T)
+    return PiecewisePolynomial.CubicHermite(
+        breaks, drives.whole(values).T, (slopes @ drives.spread.T).T
+    )

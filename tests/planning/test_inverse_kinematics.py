@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 import arm_drake as ad
 from arm_drake.errors import InputError
@@ -280,6 +280,12 @@ BAD = [
         {"pose": [0, 0, math.nan, 0, 0, 0]},
         "pose: expected a RigidTransform, or x, y, z [m], roll, pitch, yaw [rad], all "
         "finite; got [0, 0, nan, 0, 0, 0]",
+    ),
+    (
+        # As of a quaternion that isn't of length 1.
+        {"pose": RigidTransform(RotationMatrix(2.0 * np.eye(3)), [1.0, 1.0, 0.0])},
+        "pose: expected a rotation, whose axes have the length 1 and are at right "
+        "angles; got [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]]",
     ),
     (
         {"seed": {"elbo": 1.0}},

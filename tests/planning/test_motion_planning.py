@@ -263,12 +263,12 @@ def test_a_search_ends_by_its_count_of_iterations(
     pytest.importorskip("ompl")
     asked = 0
 
-    def is_edge_free(model: CollisionModel, *line: object) -> bool:
+    def is_inside_free(model: CollisionModel, *line: object) -> bool:
         nonlocal asked
         asked += 1
         return False
 
-    monkeypatch.setattr(CollisionModel, "is_edge_free", is_edge_free)
+    monkeypatch.setattr(CollisionModel, "is_inside_free", is_inside_free)
 
     with pytest.raises(ad.PlanningError) as caught:
         ad.plan(doosan, END, start=START, world=with_a_post)
@@ -339,6 +339,44 @@ def test_a_robot_without_shapes_is_planned_for_with_a_warning() -> None:
     assert plan.warnings == (
         "nothing that moves has a collision shape: whatever is there is passed",
     )
+
+
+def test_what_touches_at_the_start_is_told_whatever_was_planned_before() -> None:
+    inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    box = '<geometry><box size="0.2 0.2 0.2"/></geometry>'
+    links = "".join(
+        f'<link name="{name}"><inertial><mass value="1"/>{inertia}</inertial>'
+        f"<collision>{box}</collision></link>"
+        for name in ("top", "block")
+    )
+    limit = '<limit lower="-1" upper="1" effort="9" velocity="2"/>'
+    joints = (
+        '<joint name="turn" type="revolute"><parent link="base"/><child link="top"/>'
+        f'<axis xyz="0 0 1"/>{limit}</joint>'
+        '<joint name="slide" type="prismatic"><parent link="base"/>'
+        f'<child link="block"/><axis xyz="1 0 0"/>{limit}</joint>'
+    )
+    text = f'<robot name="slider"><link name="base"/>{links}{joints}</robot>'
+    plans = []
+    for ways in ((0.0, 0.8), (0.8, 0.0)):
+        robot = ad.load_robot(text, initial_positions={"slide": 0.8})
+        made = {}
+        for slide in ways:
+            try:
+                made[slide] = ad.plan(
+                    robot,
+                    {"turn": 0.5},
+                    start={"slide": slide},
+                    group=["turn"],
+                    world="void",
+                ).warnings
+            except ad.PlanningError as error:
+                made[slide] = str(error)
+        plans.append(made)
+
+    assert plans[0] == plans[1]
+    assert plans[0][0.8] == ()
+    assert "'block' and 'top' overlap" in plans[0][0.0]
 
 
 @pytest.mark.parametrize(
@@ -476,10 +514,10 @@ def test_ctrl_c_ends_a_search(
         told.append(time.process_time())
         os.kill(os.getpid(), signal.SIGINT)
 
-    def is_edge_free(model: CollisionModel, *line: object) -> bool:
+    def is_inside_free(model: CollisionModel, *line: object) -> bool:
         return False  # A search without an end.
 
-    monkeypatch.setattr(CollisionModel, "is_edge_free", is_edge_free)
+    monkeypatch.setattr(CollisionModel, "is_inside_free", is_inside_free)
     timer = threading.Timer(0.5, interrupt)
     timer.start()
 

@@ -145,3 +145,58 @@ def test_a_goal_next_to_the_start_is_a_plan(distance: float) -> None:
 
     assert plan.end["joint1"] == pytest.approx(distance, abs=1e-12)
     assert plan.duration < 0.1
+
+
+# A turntable: its inertia [kg·m^2], effort [N·m], damping [N·m·s/rad], friction [N·m].
+INERTIA, EFFORT, DAMPING, FRICTION = 0.5, 10.0, 4.0, 1.0
+
+
+@pytest.mark.parametrize("jerk", [None, 100.0])
+def test_what_damping_and_friction_take_is_left_to_them(
+    tmp_path: Path, jerk: float | None
+) -> None:
+    moment = f'ixx="1" iyy="1" izz="{INERTIA}" ixy="0" ixz="0" iyz="0"'
+    body = f'<inertial><mass value="2"/><inertia {moment}/></inertial>'
+    (tmp_path / "turntable.urdf").write_text(
+        f'<robot name="turntable"><link name="base"/><link name="top">{body}</link>'
+        '<joint name="turn" type="revolute"><parent link="base"/><child link="top"/>'
+        f'<axis xyz="0 0 1"/><limit lower="-4" upper="4" effort="{EFFORT}" '
+        f'velocity="5"/><dynamics damping="{DAMPING}" friction="{FRICTION}"/></joint>'
+        "</robot>"
+    )
+    (tmp_path / "turntable.srdf").write_text('<robot name="turntable"/>')
+    limits = "has_acceleration_limits: true, max_acceleration: 5"
+    if jerk is not None:
+        limits += f", has_jerk_limits: true, max_jerk: {jerk}"
+    (tmp_path / "joint_limits.yaml").write_text(f"joint_limits: {{turn: {{{limits}}}}}")
+    robot = ad.load_robot(
+        tmp_path / "turntable.urdf", srdf=[tmp_path / "turntable.srdf"]
+    )
+
+    plan = ad.plan(robot, {"turn": 3.0}, start={"turn": -3.0}, world="void")
+
+    points = plan.trajectory.points
+    v = np.array([point.velocities[0] for point in points])
+    a = np.array([point.accelerations[0] for point in points])
+    efforts = INERTIA * a + DAMPING * v + FRICTION * np.sign(v)
+    assert np.abs(efforts).max() <= EFFORT * (1.0 + 1e-9)
+    # It is no slower than it has to be, by much.
+    assert v.max() >= 0.7 * (EFFORT - FRICTION) / DAMPING
+    assert "effort" not in " ".join(plan.warnings)
+
+
+def test_joints_that_damping_slows_down_follow_their_plan() -> None:
+    start = {"joint4": -2.5, "joint6": 2.5}
+    robot = ad.load_robot("doosan_a0912", initial_positions=start)
+    goal = {"joint4": 2.5, "joint6": -2.5}
+    plan = ad.plan(robot, goal, start=start, world="void")
+    simulation = ad.Simulation(ad.build_diagram(robot, world="void"))
+
+    simulation.send_planned(plan)
+    simulation.run(plan.duration + 0.5)
+
+    assert plan.controller is not None
+    behind = np.abs(simulation.rollout().tracking_error(plan.controller)).max()
+    # A drive of bandwidth w is behind an acceleration a by a / w^2.
+    largest = np.max(np.abs([point.accelerations for point in plan.trajectory.points]))
+    assert behind <= 1.1 * largest / 40.0**2
