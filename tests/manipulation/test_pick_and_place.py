@@ -15,6 +15,7 @@ from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 
 import arm_drake as ad
+from arm_drake.description.bundled import configs_folder
 from arm_drake.errors import MotionError
 from arm_drake.manipulation import pick_and_place
 from arm_drake.manipulation.hand import Activity, Failure, Hand, PickOptions, perform
@@ -388,6 +389,20 @@ def test_the_tutorial_takes_the_box_from_the_table_into_the_bin() -> None:
     # On the bin's bottom, 16 mm high; and the arm is home.
     X = pose_of(simulation, "box")
     assert X.translation() == pytest.approx([0.05, -0.22, 0.036], abs=5e-3)
+    assert np.abs(simulation.joint_states().position[:6]).max() < 0.02
+
+
+@pytest.mark.slow
+def test_the_centauri_moves_a_box_on_its_own_table() -> None:
+    scene = ad.load_scene(configs_folder() / "centauri/pick_and_place_scene.yaml")
+    simulation = ad.Simulation(ad.build_diagram(scene))
+
+    simulation.run(13.0, scene.motion)
+
+    assert simulation.rejected == []
+    # On the table, and the arm stands straight up.
+    X = pose_of(simulation, "box")
+    assert X.translation() == pytest.approx([-0.1, -0.32, 0.145], abs=5e-3)
     assert np.abs(simulation.joint_states().position[:6]).max() < 0.02
 
 
