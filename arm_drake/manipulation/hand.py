@@ -442,8 +442,9 @@ class Hand:
         if not grasps:
             return f"{thing!r}: {explain_no_grasp(self.gripper, shape)}"
         seen, reason = 0, ""
+        vain: list[tuple[RigidTransform, Failure]] = []
         for grasp in grasps:
-            if any(is_like(grasp, other) for other in tried):
+            if any(is_near(grasp.X_OP, other.X_OP) for other in tried):
                 continue
             if seen >= _LOOKED_AT:
                 break
@@ -454,8 +455,9 @@ class Hand:
             up = shifted(X_WP, [0.0, 0.0, self.options.lift])
             closed = self.gripper.positions(grasp.pre_grasp)
             try:
-                found = self.find_way(X_WP, [before, up], thing, closed)
-                self._check_goal(X_WO, grasp, thing)
+                starts = self.solve(X_WP)
+                self._check_goal(X_WO, grasp, thing, vain)
+                found = self.find_way(starts, [before, up], thing, closed)
             except Failure as failure:
                 reason = reason or failure.reason
                 continue
@@ -464,19 +466,27 @@ class Hand:
             return f"all {len(tried)} grasps of {thing!r} were tried"
         return f"of {seen} grasps of {thing!r} the arm reaches none: {reason}"
 
-    def _check_goal(self, X_WO: RigidTransform, grasp: Grasp, thing: str) -> None:
-        """Raise Failure if the arm can't put the thing to its goal with a grasp."""
+    def _check_goal(
+        self,
+        X_WO: RigidTransform,
+        grasp: Grasp,
+        thing: str,
+        vain: list[tuple[RigidTransform, Failure]],
+    ) -> None:
+        """Raise Failure if a grasp can't get to the goal; poses in `vain` weren't."""
         if self.options.goal is None:
             return
         failures = []
         for X_WG in read_goal(self.options.goal).poses(X_WO, self.base()):
             X_WP = X_WG @ grasp.X_OP
+            known = next((f for X, f in vain if is_near(X, X_WP)), None)
             try:
-                self.find_way(X_WP, self.ways_out(X_WP), thing)
+                if known is None:
+                    self.find_way(self.solve(X_WP), self.ways_out(X_WP), thing)
+                    return
             except Failure as failure:
-                failures.append(failure)
-            else:
-                return
+                vain.append((X_WP, known := failure))
+            failures.append(known)
         stage, reason = failures[0].stage, failures[0].reason
         raise Failure(stage, f"at its goal: {reason}")
 
@@ -491,25 +501,18 @@ class Hand:
 
     def find_way(
         self,
-        X_WP: RigidTransform,
+        starts: Sequence[Mapping[str, float]],
         lines: Sequence[RigidTransform],
         thing: str,
         fingers: Mapping[str, float] | None = None,
     ) -> Mapping[str, float]:
-        """Return joint positions from which the palm gets to a pose straight.
+        """Return where the palm comes from on a straight line, or raise Failure.
 
-        Args:
-            X_WP: The pose.
-            lines: Other poses: the first one is where it comes from; to the others it
-                gets straight, too.
-            thing: What is grasped there, which may be touched.
-            fingers: Where the gripper's joints are; None is as far open as it gets.
-
-        Raises:
-            Failure: If there are none.
+        `starts` are joint positions where it goes, and `lines` poses: where it comes
+        from, then others that it gets to. It may touch the thing.
         """
         reasons = []
-        for start in self._solve(X_WP):
+        for start in starts:
             own = {**start, **(fingers or self.gripper.open)}
             try:
                 ways = [
@@ -522,7 +525,7 @@ class Hand:
             return ways[0].end
         raise Failure("reach", reasons[0])
 
-    def _solve(self, X_WP: RigidTransform) -> list[dict[str, float]]:
+    def solve(self, X_WP: RigidTransform) -> list[dict[str, float]]:
         """Return positions of the arm's joints for a pose, the nearest first."""
         palm, joints = self.gripper.palm, self.gripper.group.joints
         # Where it would be if the base hadn't moved.
@@ -789,8 +792,8 @@ class Drive(NamedTuple):
             yield simulation.time + _STREAM
 
 
-def is_like(one: Grasp, other: Grasp) -> bool:
-    """Return whether two grasps are nearly the same."""
-    miss = one.X_OP.inverse() @ other.X_OP
+def is_near(one: RigidTransform, other: RigidTransform) -> bool:
+    """Return whether two poses are nearly the same."""
+    miss = one.inverse() @ other
     near = float(np.linalg.norm(miss.translation())) < 1e-3
     return near and float(miss.rotation().ToAngleAxis().angle()) < 0.05

@@ -319,8 +319,10 @@ def _place(hand: "Hand", asked: Place) -> Activity[PlaceResult]:
     for goal in asked.poses(hand.palm() @ X_PO, hand.base()):
         X_WP = shifted(goal, [0.0, 0.0, _DROP]) @ X_PO.inverse()
         try:
-            above = hand.find_way(X_WP, hand.ways_out(X_WP), thing)
+            above = hand.find_way(hand.solve(X_WP), hand.ways_out(X_WP), thing)
             yield from hand.move(above, "reach", held=thing)
+            if hand.find_held() != thing:
+                return result(f"{thing!r} was lost on the way")
             yield from hand.move(X_WP, "lower", straight=True, ignore=[thing])
         except Failure as failure:
             reasons.append(failure.reason)

@@ -286,8 +286,9 @@ def _boxes_on(
 ) -> tuple[list[FoundBox], list[str]]:
     """Return the boxes on a plane, and what else is there."""
     heights = cloud @ plane.normal - plane.distance
-    # What is nearer can't be told from the plane.
-    above = heights > _ON * settings.noise
+    # What is nearer can't be told from the plane: of its many points some are off by
+    # more than those that are on it, and three beside a small box make it a larger one.
+    above = heights > _ASIDE * settings.noise
     boxes, problems = [], []
     R_FP = _level(plane.normal)
     is_under = (heights < -_ASIDE * settings.noise) & (heights > -settings.gap)

@@ -50,8 +50,9 @@ _SAME = 1e-3
 # The largest change of a joint between points of a line [rad], [m].
 _JUMP = 0.3
 
-# Tries when all solutions are wanted, and when there can be none.
-_ALL_TRIES, _FAR_TRIES = 100, 3
+# Tries when all solutions are wanted, and when there can be none. Where there are some
+# the nearest starts lead to one: after so many in vain, all of them aren't looked for.
+_ALL_TRIES, _FAR_TRIES, _VAIN_TRIES = 100, 3, 25
 
 
 @dc.dataclass(frozen=True)
@@ -548,6 +549,8 @@ def _search(
         end = chain.descend(q, start, target)
         if best is None or end.error < best.error:
             best = end
+        if finds_all and tries >= _VAIN_TRIES and not target.is_met(best):
+            break
         if not target.is_met(end):
             continue
         end = end._replace(values=chain.unwind(end.values, q))

@@ -15,6 +15,7 @@ from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 
 import arm_drake as ad
+from arm_drake.description.bundled import configs_folder
 from arm_drake.errors import MotionError
 from arm_drake.manipulation import pick_and_place
 from arm_drake.manipulation.hand import Activity, Failure, Hand, PickOptions, perform
@@ -129,7 +130,7 @@ def test_ways_begin_where_a_base_has_gone_to() -> None:
     plant.SetFloatingBaseBodyPoseInWorldFrame(context, body, X_WB)
     hand = Hand(simulation, PickOptions())
 
-    nearest, *_ = hand._solve(hand.palm())
+    nearest, *_ = hand.solve(hand.palm())
 
     assert nearest == pytest.approx(start, abs=1e-3)
     assert find_gripper(robot) is hand.gripper  # It is measured once.
@@ -394,6 +395,20 @@ def test_the_tutorial_takes_the_box_from_the_table_into_the_bin() -> None:
     assert np.abs(simulation.joint_states().position[:6]).max() < 0.02
 
 
+@pytest.mark.slow
+def test_the_centauri_moves_a_box_on_its_own_table() -> None:
+    scene = ad.load_scene(configs_folder() / "centauri/pick_and_place_scene.yaml")
+    simulation = ad.Simulation(ad.build_diagram(scene))
+
+    simulation.run(13.0, scene.motion)
+
+    assert simulation.rejected == []
+    # On the table, and the arm stands straight up.
+    X = pose_of(simulation, "box")
+    assert X.translation() == pytest.approx([-0.1, -0.32, 0.145], abs=5e-3)
+    assert np.abs(simulation.joint_states().position[:6]).max() < 0.02
+
+
 def test_a_step_that_can_not_be_done_is_told_with_its_place() -> None:
     simulation = simulate(at(BOX, 1.2, 0.0))
     motion = parse_motion(
@@ -428,6 +443,71 @@ def test_what_is_out_of_reach_is_said() -> None:
 
     assert not picked
     assert "the arm reaches none" in picked.reason
+
+
+def test_where_the_palm_did_not_get_to_is_not_tried_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    simulation = simulate(at(BOX, 0.2, 0.05))
+    tried: list[RigidTransform] = []
+
+    def solve(_: Hand, X_WP: RigidTransform) -> list[dict[str, float]]:
+        if X_WP.translation()[1] < -0.05:
+            tried.append(X_WP)
+            raise Failure("reach", "too far")
+        return []
+
+    monkeypatch.setattr(Hand, "solve", solve)
+    found = Hand(simulation, PickOptions(goal=(0.2, -0.3, 0.02))).choose("box", [])
+
+    assert "the arm reaches none: at its goal: too far" in found
+    # A square box turned by a quarter is grasped as before.
+    misses = [tried[0].inverse() @ X for X in tried[1:]]
+    assert misses
+    assert all(
+        np.linalg.norm(miss.translation()) > 1e-3
+        or miss.rotation().ToAngleAxis().angle() > 0.05
+        for miss in misses
+    )
+
+
+@pytest.mark.slow
+def test_what_is_too_slippery_slips_and_says_so() -> None:
+    soap = dc.replace(at(BOX, 0.2, 0.05, 0.4), friction=0.02)
+    simulation = simulate(soap)
+
+    picked = ad.pick(simulation, "box", tries=1)
+
+    assert not picked
+    assert picked.attempts[0].stage == "lift"
+    assert picked.reason.startswith("'box' slipped by ")
+
+
+@pytest.mark.slow
+def test_what_is_lost_on_the_way_is_not_placed() -> None:
+    simulation = simulate(at(BOX, 0.2, 0.05, 0.4))
+    goal = (0.15, -0.15, 0.02)
+    picked = ad.pick(simulation, "box", goal=goal)
+    assert picked, picked.reason
+    plant, began = simulation.plant, simulation.time
+
+    activity, is_taken = placing(simulation, goal), False
+    while True:
+        try:
+            simulation.advance_to(max(next(activity), simulation.time))
+        except StopIteration as stop:
+            placed = stop.value
+            break
+        if simulation.time > began + 0.3 and not is_taken:
+            is_taken = True
+            context = plant.GetMyMutableContextFromRoot(simulation.context)
+            body = plant.GetBodyByName("box")
+            plant.SetFloatingBaseBodyPoseInWorldFrame(
+                context, body, RigidTransform([-0.3, 0.3, 0.02])
+            )
+
+    assert not placed
+    assert placed.reason == "'box' was lost on the way"
 
 
 def test_an_unknown_thing_or_option_is_an_error_that_names_those_there_are() -> None:

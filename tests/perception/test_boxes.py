@@ -141,6 +141,19 @@ def test_of_several_the_one_is_returned_that_is_meant() -> None:
         assert len(found.others) == 1
 
 
+def test_what_strays_from_the_table_beside_a_small_box_does_not_count() -> None:
+    size, middle, yaw = (0.025, 0.025, 0.025), (0.03, -0.05, 0.0125), 0.4
+    # Of the table's hundred thousand points two dozen are so far off.
+    beside = [[0.022, y, 3.5 * _NOISE - 0.0125] for y in (-0.009, 0.0, 0.009)]
+    strays = np.array(beside) @ rotate(yaw).T + middle
+    cloud = blur(make_table(), make_box(size, middle, yaw))
+
+    found = ad.find_box(np.vstack([cloud, strays]))
+
+    assert found.pose is not None, found.reason
+    np.testing.assert_allclose(found.pose.translation(), middle, atol=_NEAR)
+
+
 def test_the_one_that_is_meant_may_stand_on_a_smaller_plane() -> None:
     ground = spread([-1.0, -1.0, 0.0], [1.0, 1.0, 0.0])
     size, middle = (0.06, 0.04, 0.05), (0.0, 0.0, 0.425)

@@ -130,6 +130,29 @@ def test_what_is_out_of_reach_is_refused_after_a_few_tries(
     assert len(tries) <= 3
 
 
+def test_not_all_solutions_are_looked_for_where_there_is_none(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    robot = robot_of(
+        joint("turn", "base", "arm", limits=(-0.5, 0.5)),
+        joint("hand", "arm", "tip", kind="fixed", origin="1 0 0"),
+        links="base arm tip",
+    )
+    tries, descend = [], _Chain.descend
+
+    def count(*args: Any) -> Any:
+        tries.append(args)
+        return descend(*args)
+
+    monkeypatch.setattr(_Chain, "descend", count)
+
+    with pytest.raises(ad.NoSolution):
+        robot.solve_ik("tip", [0.0, 1.0, 0, 0, 0, 0], mask=POSITION, all_solutions=True)
+
+    # A quarter of those that look for another side of an elbow.
+    assert len(tries) == 25
+
+
 def test_limits_that_stand_in_the_way_are_named() -> None:
     robot = robot_of(
         joint("turn", "base", "arm", limits=(-0.5, 0.5)),
