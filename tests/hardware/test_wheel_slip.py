@@ -1,5 +1,6 @@
 """What a base truly does beside what its odometry says."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,12 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.math import SpatialVelocity
 
 import arm_drake as ad
+from arm_drake.description.bundled import configs_folder
 from arm_drake.hardware.mobile_bases import BaseTruth, Wheel
 from arm_drake.messages import Odometry, Twist, Vector3
 from tests import models
 from tests.carts import RADIUS, SEPARATION, cart
+from tests.snippets import read_blocks
 
 YAML = f"""
 controller_manager:
@@ -175,3 +178,36 @@ def test_several_robots_have_truths_of_their_own(tmp_path: Path) -> None:
         assert slip_port.Eval(context) == pytest.approx(np.zeros(4))
         truth = diagram.GetOutputPort(f"{name}/base.ground_truth").Eval(context)
         assert truth.pose.pose.position.y == 0.0
+
+
+@pytest.mark.parametrize("kind", ["diff_drive", "bicycle"])
+def test_bases_to_begin_with_go_where_their_geometry_says(kind: str) -> None:
+    folder = configs_folder() / "wheeled_base"
+    yaml = folder / f"{kind}_controllers.yaml"
+    robot = ad.load_robot(folder / f"{kind}.urdf", controllers=yaml)
+    sim = ad.Simulation(ad.build_diagram(robot))
+
+    sim.run(6.0, folder / "drive.yaml")
+
+    assert not len(robot.report)
+    # 2 s straight on, then 3 s of a circle.
+    speed, turn, curve = 0.4, 0.5, 3.0
+    angle, radius = turn * curve, speed / turn
+    x, y = speed * 2.0 + radius * math.sin(angle), radius * (1.0 - math.cos(angle))
+    truth = sim.diagram.GetOutputPort("base.ground_truth").Eval(sim.context)
+    place = truth.pose.pose.position
+    # It speeds up and slows down, and the steered wheel takes its time to turn.
+    assert (place.x, place.y) == pytest.approx((x, y), abs=0.04)
+    assert place.z == pytest.approx(0.0, abs=1e-3)
+
+
+def test_the_program_of_bases_md_runs(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = configs_folder().parent / "docs/bases.md"
+    (block,) = [b for b in read_blocks(page) if b.language == "python"]
+    monkeypatch.chdir(configs_folder().parent)
+
+    exec(block.text, {})  # noqa: S102  our own text.
+
+    assert capsys.readouterr().out.count("Point(x=1.5") == 2
