@@ -190,6 +190,11 @@ def test_the_picture_of_the_architecture_names_systems_of_the_diagram() -> None:
     assert set(drawn) <= {system.get_name() for system in diagram.GetSystems()}
 
 
+def test_no_page_waits_for_a_figure() -> None:
+    for page in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]:
+        assert not re.findall(r"@[A-Z]+@|TODO|TBD", page.read_text("utf-8")), page
+
+
 def test_the_architecture_names_modules_that_are_there() -> None:
     text = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
     named = re.findall(r"`((?:[a-z_]+/)+[a-z_]+)`", text)

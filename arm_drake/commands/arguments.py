@@ -381,8 +381,7 @@ def _add_output_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--image-format",
         choices=IMAGE_FORMATS,
-        default="raw",
-        help="of colours in the log (default %(default)s)",
+        help="of colours in the log (raw)",
     )
     add("--record", metavar="FILE.html", type=Path, help="write an animated page")
     add("--loop", action="store_true", help="the page of --record plays for ever")

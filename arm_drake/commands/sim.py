@@ -66,7 +66,7 @@ def simulation_options(options: argparse.Namespace) -> SimulationOptions:
         inactive=tuple(options.inactive),
         log_contacts=options.log_contacts,
         log_images=tuple(options.log_images),
-        log_image_format=options.image_format,
+        log_image_format=options.image_format or "raw",
         # It is drawn when it is told to.
         frame_rate=0.0,
     )

@@ -59,13 +59,10 @@ _FINE = 1e-3
 # Toppra exceeds limits between its grid points by some percent.
 _MARGIN, _GRID = 0.98, 100
 
-# Part of a joint's effort beside weight and friction that damping takes at most while
+# Part of a joint's effort beside friction that damping takes at most while
 # it moves steadily; the rest accelerates it. How much slower a motion becomes at most
 # for its efforts to keep their limits.
 _CRUISING, _SLOWEST = 0.9, 10.0
-
-# Places on a path at which weight is looked at.
-_PLACES = 40
 
 # Grid points aren't closer than this; what is no limit for Toppra.
 _SMALLEST, _UNLIMITED = 1e-6, 1e6
@@ -204,7 +201,7 @@ def time_path(
     """
     robot, joints = mover.robot, mover.joints
     limits = motion_limits(robot)
-    v = np.array([limits[name].velocity for name in joints]) * scaling[0]
+    v = np.array([limits[name].velocity for name in joints])
     a = np.array([limits[name].acceleration for name in joints]) * scaling[1]
     jerk = np.array([limits[name].jerk for name in joints])
     end = path[-1:]
@@ -214,7 +211,7 @@ def time_path(
         return Samples(np.zeros(1), end, still, still), True
     curve = _round(path, lengths, rounding)
     drives = _find_drives(mover)
-    v = np.minimum(v, _steady_speeds(drives, curve))
+    v = _steady_speeds(drives, v) * scaling[0]
     times = _parametrize(drives, curve, v, a)
     if times is None:
         return None
@@ -233,7 +230,7 @@ def time_path(
     else:
         samples = _average(_slow_down(_sample(curve, times, _FINE), slower), jerk)
     slower = _slower_for_efforts(drives, samples)
-    keeps = slower <= _SLOWEST
+    keeps = bool(slower <= _SLOWEST)
     samples = _slow_down(samples, slower if keeps else 1.0)
     samples.v[[0, -1]] = 0.0
     samples.q[0], samples.q[-1] = path[0], path[-1]
@@ -434,22 +431,18 @@ def _find_drives(mover: Mover) -> _Drives:
     )
 
 
-def _steady_speeds(drives: _Drives, curve: PiecewisePolynomial) -> np.ndarray:
-    """Return speeds at which damping leaves effort to accelerate, shape (n,)."""
-    speeds = np.full(len(drives.limit), math.inf)
-    if not drives.damping.any():
-        return speeds
-    s = np.linspace(curve.start_time(), curve.end_time(), _PLACES)
-    plant, context = drives.plant, drives.plant.CreateDefaultContext()
-    weight = np.zeros(len(speeds))
-    for q in drives.whole(np.array(curve.vector_values(s)).T):
-        plant.SetPositions(context, q)
-        here = plant.CalcGravityGeneralizedForces(context) @ drives.spread
-        weight = np.maximum(weight, np.abs(here))
-    left = drives.limit - drives.friction - weight
-    counts = (left > 0.0) & (drives.damping > 0.0)
+def _steady_speeds(drives: _Drives, v: np.ndarray) -> np.ndarray:
+    """Return speeds, shape (n,), at which damping leaves effort to accelerate.
+
+    They are at most `v`, and not below a part of it. What weight takes differs from
+    place to place: `_slower_for_efforts` counts with it.
+    """
+    left = drives.limit - drives.friction
+    counts = (drives.damping > 0.0) & (left > 0.0)
+    speeds = v.copy()
     speeds[counts] = _CRUISING * left[counts] / drives.damping[counts]
-    return speeds
+    steady: np.ndarray = np.clip(speeds, v / _SLOWEST, v)
+    return steady
 
 
 def _slower_for_efforts(drives: _Drives, samples: Samples) -> float:
@@ -505,7 +498,10 @@ def _parametrize(
             toppra.AddJointAccelerationLimit(-most_a, most_a, way)
             if keeps:
                 toppra.AddJointTorqueLimit(-most_u, most_u, way)
-            times = toppra.SolvePathParameterization()
+            try:
+                times = toppra.SolvePathParameterization()
+            except (RuntimeError, SystemExit):  # Drake's own checks.
+                continue
             if times is not None:
                 return times
     return None

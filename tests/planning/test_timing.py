@@ -200,3 +200,47 @@ def test_joints_that_damping_slows_down_follow_their_plan() -> None:
     # A drive of bandwidth w is behind an acceleration a by a / w^2.
     largest = np.max(np.abs([point.accelerations for point in plan.trajectory.points]))
     assert behind <= 1.1 * largest / 40.0**2
+
+
+@pytest.mark.parametrize("mass", [0.0, 2.0, 3.9, 3.999, 4.0, 4.001, 8.0])
+@pytest.mark.parametrize("friction", [0.0, 5.0])
+def test_a_weight_that_is_nearly_too_much_makes_no_plan_endless(
+    tmp_path: Path, mass: float, friction: float
+) -> None:
+    # At 4 kg the effort just holds it, level.
+    effort = 4.0 * 9.81 + 5.0
+    inertial = '<inertial><mass value="0.001"/><inertia ixx="0.01" iyy="0.01" '
+    inertial += 'izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+    (tmp_path / "lift.urdf").write_text(
+        f'<robot name="lift"><link name="base"/><link name="arm">{inertial}</link>'
+        '<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>'
+        f'<axis xyz="0 -1 0"/><limit lower="-2" upper="2" effort="{effort}" '
+        f'velocity="3"/><dynamics damping="1" friction="{friction}"/></joint></robot>'
+    )
+    robot = ad.load_robot(tmp_path / "lift.urdf")
+    payloads = {"arm": ad.Payload(mass, com=(1.0, 0.0, 0.0))}
+
+    plan = ad.plan(
+        robot, {"turn": 1.0}, start={"turn": -1.0}, world="void", attached=payloads
+    )
+
+    # A tenth of its speed, and of what is slowed down for efforts then, at worst.
+    assert plan.duration < 30.0
+    warns = "effort" in " ".join(plan.warnings)
+    left = effort - friction - mass * 9.81
+    assert warns if left <= 0.0 else (not warns or left < 0.1)
+
+
+def test_damping_leaves_the_scaling_of_velocities_its_say() -> None:
+    start = {"joint4": 0.0}
+    robot = ad.load_robot("doosan_a0912", initial_positions=start)
+
+    plans = [
+        ad.plan(robot, {"joint4": 3.0}, world="void", velocity_scaling=scaling)
+        for scaling in (1.0, 0.5)
+    ]
+
+    fastest = [
+        max(point.velocities[3] for point in plan.trajectory.points) for plan in plans
+    ]
+    assert fastest[1] == pytest.approx(0.5 * fastest[0], rel=0.05)
