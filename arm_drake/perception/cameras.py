@@ -517,7 +517,7 @@ class CameraHandle(SensorHandle):
             ArmDrakeError: If the renderer's libraries are missing.
         """
         pixels: NDArray[np.uint8] = self._take("color")
-        return pixels
+        return pixels.copy()
 
     def depth(self) -> NDArray[np.float32]:
         """Return depths along the axis [m], shape (height, width).
@@ -530,7 +530,7 @@ class CameraHandle(SensorHandle):
             ArmDrakeError: As `color`.
         """
         depths: NDArray[np.float32] = self._take("depth")
-        return depths
+        return depths.copy()
 
     def has(self, what: str) -> bool:
         """Return whether it takes pictures of a kind: "color", "depth" or "labels"."""
@@ -543,7 +543,7 @@ class CameraHandle(SensorHandle):
             ArmDrakeError: As `color`.
         """
         labels: NDArray[np.uint16] = self._take("labels")
-        return labels
+        return labels.copy()
 
     @property
     def label_names(self) -> tuple[str, ...]:

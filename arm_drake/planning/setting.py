@@ -157,6 +157,9 @@ class Setting(NamedTuple):
 
 def find_setting(robot: Robot | Running, options: PlanOptions) -> Setting:
     """Return what is planned with; the errors are those of `plan`."""
+    if not isinstance(options.attached, Mapping):
+        got = f"got {options.attached!r}"
+        raise InputError(f"attached: expected what is held by the link, {got}")
     if isinstance(robot, Robot):
         return _set_up(robot, options)
     return _set_up_running(robot, options)

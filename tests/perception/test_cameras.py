@@ -66,6 +66,14 @@ def test_depths_are_those_of_rays(simulation: ad.Simulation) -> None:
     assert np.isposinf(depth[0, 0])
 
 
+def test_who_draws_on_a_picture_has_one_of_his_own(simulation: ad.Simulation) -> None:
+    camera = simulation.camera("front")
+    for take in (camera.color, camera.depth):
+        before = take()
+        take()[:] = 0
+        np.testing.assert_array_equal(take(), before)
+
+
 def test_points_are_on_what_is_seen(simulation: ad.Simulation) -> None:
     points = simulation.camera("front").points()
     face = points[np.abs(points[:, 0] - 1.0) < 1e-3]

@@ -10,6 +10,7 @@ from pydrake.math import RigidTransform
 from scipy.interpolate import BPoly
 
 import arm_drake as ad
+from arm_drake.errors import InputError
 from tests.planning.test_motion_planning import END, START, with_a_post
 
 JERK, ACCELERATION = 20.0, 4.0
@@ -244,3 +245,10 @@ def test_damping_leaves_the_scaling_of_velocities_its_say() -> None:
         max(point.velocities[3] for point in plan.trajectory.points) for plan in plans
     ]
     assert fastest[1] == pytest.approx(0.5 * fastest[0], rel=0.05)
+
+
+def test_what_is_attached_is_by_link() -> None:
+    robot = ad.load_robot("doosan_a0912")
+
+    with pytest.raises(InputError, match="attached: expected what is held by the link"):
+        ad.plan(robot, {"joint1": 0.1}, attached=None)
