@@ -63,9 +63,6 @@ class DriveMode(Message):
     # and its rate [Hz]. What is few is quicker in plain numbers than in numpy.
     positions_at: tuple[tuple[int, float], ...] = dc.field(init=False)
 
-    # Whether any joint follows a position.
-    has_positions: bool = dc.field(init=False)
-
     # Which elements of the drive vector are values, where these stand, and whether a
     # joint follows its velocity, its acceleration, its effort alone, (3 n,).
     others: tuple[tuple[int, int], ...] = dc.field(init=False)
@@ -89,7 +86,6 @@ class DriveMode(Message):
         flags = tuple(np.concatenate(alone).astype(float).tolist())
         places = tuple(zip(at.tolist(), self.rate.tolist(), strict=True))
         object.__setattr__(self, "positions_at", places)
-        object.__setattr__(self, "has_positions", bool(self.is_position.any()))
         object.__setattr__(self, "others", others)
         object.__setattr__(self, "flags", flags)
 
@@ -310,12 +306,6 @@ class DriveCommands:
         `lasts` the positions and `befores` the rates of the last cycle's vector.
         """
         positions, speeds, rates = [], [], []
-        if not mode.has_positions and all(
-            low <= last <= high
-            for (low, high), last in zip(self._ranges, lasts, strict=True)
-        ):
-            still = [0.0] * len(lasts)
-            return self._tell(mode, numbers, list(lasts), still), still
         # All at once: of few joints calls would take most of the time.
         for (at, per_second), (low, high), last, before in zip(
             mode.positions_at, self._ranges, lasts, befores, strict=True
@@ -334,22 +324,12 @@ class DriveCommands:
             positions.append(wanted)
             speeds.append(speed)
             rates.append(rate)
-        return self._tell(mode, numbers, positions, speeds), rates
-
-    def _tell(
-        self,
-        mode: DriveMode,
-        numbers: Sequence[float],
-        positions: list[float],
-        speeds: list[float],
-    ) -> list[float]:
-        """Return what the servo is told of positions, speeds and other values."""
         if not self.has_modes:
-            return positions + speeds
+            return positions + speeds, rates
         servo_input = [*positions, *speeds, *self._still, *mode.flags]
         for i, at in mode.others:
             servo_input[i] = numbers[at]
-        return servo_input
+        return servo_input, rates
 
     def _write_anew(
         self,
