@@ -9,14 +9,13 @@ from typing import NamedTuple
 
 from arm_drake.arrays import is_number
 from arm_drake.errors import InputError, suggest
+from arm_drake.output_files import IMAGE_FORMATS
 
 # A smaller step of the physics is a mistake [s].
 SMALLEST_STEP = 1e-6
 
 # A longer delay is a mistake [cycles].
 LONGEST_DELAY = 10_000
-
-IMAGE_FORMATS = ("raw", "jpeg", "png")
 
 
 class _Preset(NamedTuple):

@@ -8,6 +8,9 @@ from pathlib import Path
 
 from arm_drake.errors import OutputError
 
+# What cameras' pictures can be in a log.
+IMAGE_FORMATS = ("raw", "jpeg", "png")
+
 
 def check_suffix(path: Path, kind: str, suffixes: Sequence[str]) -> None:
     """Raise OutputError if a file can't be of this type.

@@ -1,6 +1,7 @@
 """Imports change how often Python looks for garbage, not what is garbage."""
 
 import gc
+import re
 import subprocess
 import sys
 import weakref
@@ -95,3 +96,15 @@ from arm_drake import anything
         "arm_drake arm_drake.importing\nTrue True\nTrue arm_drake.messages.base\n"
     )
     assert "ImportError: cannot import name 'anything'" in done.stderr
+
+
+def test_a_command_line_is_read_without_numpy() -> None:
+    done = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "arm_drake", "sim", "--help"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+
+    assert "arm_drake.commands.arguments" in done.stderr
+    assert not re.search(r"\bnumpy\b", done.stderr)

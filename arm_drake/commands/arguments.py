@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from arm_drake.errors import InputError, suggest
-from arm_drake.options import IMAGE_FORMATS
+from arm_drake.output_files import IMAGE_FORMATS
 from arm_drake.visualization.plot import PLOT_KINDS
 
 
@@ -268,7 +268,8 @@ def _add_shown_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TOPIC",
         action="append",
         default=[],
-        help="draw what a topic says: odometry, scan, points, wrench (not in --record)",
+        help="draw what a topic says: odometry, scan, points, wrench (no forces in "
+        "--record)",
     )
     add_page_arguments(parser)
 

@@ -421,7 +421,7 @@ class _SensorReader(ElementReader):
         self, tag: ET.Element, common: PerceptionSensor, kind: CameraKind, part: str
     ) -> CameraSensor | None:
         """Return one camera, or None and a line in the report."""
-        encoding = self._encoding(tag)
+        encoding = self._encoding(tag, kind)
         size = [
             self.value(tag, f"image/{name}", default)
             for name, default in (("width", 320), ("height", 240))
@@ -524,10 +524,12 @@ class _SensorReader(ElementReader):
             self.note("warning", "unsupported", what, done)
         return read_sensor_pose(tag, self._report, self._file)
 
-    def _encoding(self, tag: ET.Element) -> str | None:
+    def _encoding(self, tag: ET.Element, kind: CameraKind) -> str | None:
         text = text_of(tag, "image/format") or "R8G8B8"
         if text in FORMATS:
             return FORMATS[text]
+        if kind == "depth" and text == "R_FLOAT32":  # That of all depths.
+            return "rgb8"
         if text in _OTHER_FORMATS:
             what, done = f"pixel format {text}", "its picture is R8G8B8"
             self.note("warning", "unsupported", what, done)

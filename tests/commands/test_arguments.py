@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from arm_drake.cli import make_parser, parse_arguments
+from arm_drake.cli import main, make_parser, parse_arguments
 from arm_drake.commands.arguments import add_page_arguments
 
 A_B = [("a", "1"), ("b", "2")]
@@ -114,3 +114,18 @@ def subparsers(parser):
         action for action in parser._actions if hasattr(action.choices, "items")
     )
     return {name: sub.format_help() for name, sub in commands.choices.items()}
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--log-images", "eye"], "--log-images says what else --log holds"),
+        (["--log-images", "eye", "--log", "run.csv"], "give a .npz or .mcap file"),
+        (["--image-format", "jpeg", "--log", "run.npz"], "of what --log-images logs"),
+    ],
+)
+def test_pictures_of_a_log_need_one_that_takes_them(
+    words: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sim", "lab5_arm", "--headless", "--duration", "0.1", *words]) == 2
+    assert told in capsys.readouterr().err

@@ -157,3 +157,10 @@ def test_a_missing_renderer_is_named_with_its_package(
             scenery.require_renderer()
     finally:
         scenery._egl.cache_clear()
+
+
+@pytest.mark.parametrize(("kind", "lines"), [("depth_camera", 0), ("camera", 1)])
+def test_depths_may_say_that_they_are_numbers(kind: str, lines: int) -> None:
+    robot = load(kind, "<camera><image><format>R_FLOAT32</format></image></camera>")
+
+    assert len(robot.report) == lines
