@@ -428,7 +428,7 @@ LIFTED_BALL = models.LIFT.replace("</inertial>", f"</inertial>{models.sphere(0.1
 LIFT_CONTROLLERS = models.trajectory_controllers({"arm": ["slide"]})
 
 
-@pytest.mark.parametrize("pieces", [1, 23])
+@pytest.mark.parametrize("pieces", [1, 10, 23])
 def test_what_overlaps_at_the_start_collides_once_it_is_apart(
     tmp_path: Path, pieces: int
 ) -> None:

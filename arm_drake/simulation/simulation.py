@@ -572,7 +572,8 @@ class Simulation:
             if self._parted:
                 end = min(end, self._next_look(now))
             advance(self.simulator, end)
-            if self._parted and end == self._next_look(now):
+            near = TICK_TOLERANCE * self.period
+            if self._parted and end >= self._next_look(now) - near:
                 rejoin(self.diagram, self.context, self._parted)
             if self.exchange is None or end >= self._next_events(now):
                 self.collect_events()
