@@ -545,11 +545,11 @@ class LiveSimulation:
             # A controller may be called as the start of another.
             owner = max(owners, key=lambda one: len(one.controller), default=None)
             if owner is not None:
-                owner.handle(name, value)
+                taken = owner.handle(name, value)
                 part = name.removeprefix(f"remote:{owner.controller}:")
                 text = f"{owner.controller}: {part.replace(':', ' ')}"
-                if isinstance(value, int | float):
-                    text += f" {value:.4g}"
+                if taken is not None:
+                    text += f" {taken:.4g}"
                 self._log.note(self.simulation, f"{text} by the panel", source=name)
         elif not self.planning.handle(name, value) and not any(
             part.handle(name, value) for part in self.parts

@@ -83,10 +83,11 @@ class Remote(ABC):
         self._published = fields
         return {name: new for name, new in changed.items() if new}
 
-    def handle(self, event_id: str, value: Any = None) -> None:
+    def handle(self, event_id: str, value: Any = None) -> float | None:
         """Do what somebody did in the browser, or raise InputError.
 
-        The value of a slider is kept within its range; that of a button is None.
+        The value of a slider is kept within its range, and returned; that of a button
+        is None.
         """
         # The browser shows another value than it was told.
         self._published.get(event_id, {}).pop("value", None)
@@ -101,6 +102,7 @@ class Remote(ABC):
             value = None
         self._prepare()
         self._act(event_id.removeprefix(self._id("")), value)
+        return value
 
     def axes(self) -> "Mapping[str, Axis]":
         """Return what sliders say of joints, by their parts of the ids."""

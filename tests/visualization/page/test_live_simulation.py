@@ -433,6 +433,19 @@ def test_what_sliders_send_is_news_of_a_drag_its_end(
     ]
 
 
+def test_news_tell_the_goal_that_is_sent_not_one_beyond_the_range(
+    page: Page, robot: ad.Robot
+) -> None:
+    live = make(page, robot, motion=None, is_paused=True)
+    live.step(3)
+    joint = live.remotes[0].widgets()[0]
+
+    live.handle([Event(joint.id, 99.0)])
+
+    assert f"{joint.upper:.4g} by the panel" in live.log
+    assert "99" not in live.log
+
+
 def test_news_have_a_line_each_the_newest_first(page: Page, robot: ad.Robot) -> None:
     live = make(page, robot)
 
