@@ -283,7 +283,9 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
         cast(
             Any,
             SimpleNamespace(
-                output_types=["<topic>"], params=SimpleNamespace(update_rate=10.0)
+                output_types=["<topic>"],
+                topics={},
+                params=SimpleNamespace(update_rate=10.0),
             ),
         ),
         "",
