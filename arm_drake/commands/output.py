@@ -227,11 +227,6 @@ def check_outputs(options: argparse.Namespace) -> None:
         writer_for(options.log)
         if options.log.suffix == ".mcap":
             load_types()
-    if options.log_images and (options.log is None or options.log.suffix == ".csv"):
-        text = "--log-images says what else --log holds: give a .npz or .mcap file"
-        raise InputError(text)
-    if options.image_format is not None and not options.log_images:
-        raise InputError("--image-format is of what --log-images logs; give that, too")
     if options.plot is not None:
         check_plot_path(options.plot)
     elif options.plot_kind is not None:

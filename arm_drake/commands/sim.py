@@ -209,6 +209,11 @@ def _check_words(options: argparse.Namespace) -> None:
         if options.headless and getattr(options, word):
             text = f"--{word} is for the page, and with --headless there is none"
             raise InputError(text)
+    if options.log_images and (options.log is None or options.log.suffix == ".csv"):
+        text = "--log-images says what else --log holds: give a .npz or .mcap file"
+        raise InputError(text)
+    if options.image_format is not None and not options.log_images:
+        raise InputError("--image-format is of what --log-images logs; give that, too")
     check_outputs(options)
     if options.headless or needs_recording(options):
         warn_of_pictures(options)
