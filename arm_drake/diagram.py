@@ -484,7 +484,8 @@ def _add_drives(
         options=options,
         has_modes=commands.has_modes,
         has_limits=commands.has_limits,
-        only_pushes=not holds and effort_only.issuperset(drive.names),
+        only_pushes=not (holds or commands.has_limits or drive.pid)
+        and effort_only.issuperset(drive.names),
     )
     return hardware, commands
 

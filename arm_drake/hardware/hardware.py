@@ -104,10 +104,9 @@ def add_hardware(
             forces = friction.get_output_port()
     effort = command = None
     if names:
-        pushes = only_pushes and has_modes and not has_limits and drive.pid is None
         servo = (
             make_push(drive.gains.effort_limit)
-            if pushes
+            if only_pushes
             else make_joint_servo(
                 alone,
                 drive.gains,
@@ -121,7 +120,7 @@ def add_hardware(
             )
         )
         builder.AddNamedSystem(f"{prefix}servo", servo)
-        if not pushes:
+        if not only_pushes:
             _tell_servo(builder, servo, plant, model, description, drive, forces)
         effort, command = servo.GetOutputPort("effort"), servo.GetInputPort("command")
         builder.Connect(effort, plant.get_actuation_input_port(model))

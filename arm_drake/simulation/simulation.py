@@ -562,18 +562,17 @@ class Simulation:
             raise InputError(f"expected a time to simulate up to [s], got {time!r}")
         if not time >= now or not math.isfinite(time):
             raise ValueError(f"can't go from {now} s to {time} s")
+        slack = TICK_TOLERANCE * self.period
         while now < time:
             end = min(now + _TICKS_AT_A_TIME * self.period, time)
             if self.mailbox.waiting:
-                slack = TICK_TOLERANCE * self.period
                 end = min(end, self.mailbox.publish_due(now + slack) - 0.5 * slack)
             if self.exchange is not None:
                 end = min(self.exchange(), self._next_exchange(now), end)
             if self._parted:
                 end = min(end, self._next_look(now))
             advance(self.simulator, end)
-            near = TICK_TOLERANCE * self.period
-            if self._parted and end >= self._next_look(now) - near:
+            if self._parted and end >= self._next_look(now) - slack:
                 rejoin(self.diagram, self.context, self._parted)
             if self.exchange is None or end >= self._next_events(now):
                 self.collect_events()
