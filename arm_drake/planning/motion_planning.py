@@ -150,6 +150,10 @@ class Plan:
     # What should be known of it.
     warnings: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        """Return the line about it, in brackets: its points would fill pages."""
+        return f"<Plan of {self.describe()}>"
+
     def positions_at(self, index: int) -> dict[str, float]:
         """Return where all joints are at a point of the trajectory [rad] or [m]."""
         names = self.trajectory.joint_names

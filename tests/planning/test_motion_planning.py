@@ -73,6 +73,12 @@ def test_the_straight_line_is_blocked_and_the_plan_is_free(
 
     assert not is_free(q[0], q[-1])
     assert all(is_free(x, y) for x, y in itertools.pairwise(q))
+
+
+def test_a_plan_is_told_in_a_line(around: ad.Plan) -> None:
+    assert repr(around) == f"<Plan of {around.describe()}>"
+    assert len(repr(around)) < 200
+    assert f"{around.duration:.2f} s" in repr(around)
     assert around.clearance >= 0.005 - 1e-6
 
 
