@@ -1,9 +1,12 @@
 """Plans from running simulations: what is seen there, and what becomes of them."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import yaml
 from pydrake.geometry import Box, Sphere
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 
@@ -16,6 +19,8 @@ START = {"joint1": -1.0, "joint2": 0.9, "joint3": 0.8}
 THROUGH = {"joint1": 0.0, "joint2": 0.9, "joint3": 0.8}
 
 SIZE = np.array([0.2, 0.2, 0.8])
+
+CONFIGS = Path(ad.__file__).parents[1] / "configs"
 
 
 def with_a_crate(plant: MultibodyPlant) -> None:
@@ -317,3 +322,73 @@ def test_a_group_without_its_controller_is_an_error() -> None:
         "there are 'joint_state_broadcaster', 'joint_trajectory_controller', "
         "'end_effector_sensor'"
     )
+
+
+def write_mobile_arm(folder: Path) -> tuple[Path, Path]:
+    """Write a bundled base with an arm of two joints on it, and its controllers."""
+    base = CONFIGS / "wheeled_base/diff_drive.urdf"
+    controllers = CONFIGS / "wheeled_base/diff_drive_controllers.yaml"
+    tube = '<geometry><cylinder radius="0.02" length="0.2"/></geometry>'
+    arm = interfaces = ""
+    for name, parent, z in (("shoulder", "base_link", 0.22), ("elbow", "upper", 0.22)):
+        child = {"shoulder": "upper", "elbow": "fore"}[name]
+        arm += f"""
+          <link name="{child}">
+            <inertial>
+              <origin xyz="0 0 0.1"/> <mass value="0.3"/>
+              <inertia ixx="0.001" iyy="0.001" izz="0.0002" ixy="0" ixz="0" iyz="0"/>
+            </inertial>
+            <collision><origin xyz="0 0 0.1"/>{tube}</collision>
+          </link>
+          <joint name="{name}" type="revolute">
+            <parent link="{parent}"/> <child link="{child}"/>
+            <origin xyz="0 0 {z}"/> <axis xyz="0 1 0"/>
+            <limit lower="-2" upper="2" effort="20" velocity="2"/>
+          </joint>"""
+        interfaces += f"""
+          <joint name="{name}">
+            <command_interface name="position"/> <state_interface name="position"/>
+          </joint>"""
+    urdf = base.read_text().replace("</ros2_control>", interfaces + "</ros2_control>")
+    config = yaml.safe_load(controllers.read_text())
+    config["controller_manager"]["ros__parameters"]["arm"] = {
+        "type": "joint_trajectory_controller/JointTrajectoryController"
+    }
+    config["arm"] = {
+        "ros__parameters": {
+            "joints": ["shoulder", "elbow"],
+            "command_interfaces": ["position"],
+            "state_interfaces": ["position"],
+        }
+    }
+    robot, parameters = folder / "robot.urdf", folder / "controllers.yaml"
+    robot.write_text(urdf.replace("</robot>", arm + "</robot>"))
+    parameters.write_text(yaml.safe_dump(config))
+    return robot, parameters
+
+
+def test_an_arm_reaches_for_poses_in_the_world_from_where_its_base_stands(
+    tmp_path: Path,
+) -> None:
+    urdf, controllers = write_mobile_arm(tmp_path)
+    robot = ad.load_robot(urdf, controllers=controllers)
+    simulation = ad.Simulation(ad.build_diagram(robot))
+    plant, context = simulation.plant, simulation.context
+    own = plant.GetMyMutableContextFromRoot(context)
+    base, hand = plant.GetBodyByName("base_link"), plant.GetBodyByName("fore")
+    z = plant.EvalBodyPoseInWorld(own, base).translation()[2]
+    stands = RigidTransform(RollPitchYaw(0, 0, 0.7), [1.0, 0.5, z])
+    plant.SetFreeBodyPose(own, base, stands)
+    # Where the elbow is, with the shoulder at 0.6 rad forwards.
+    pose = stands @ RigidTransform(
+        RollPitchYaw(0, 0.6, 0),
+        [0.22 * np.sin(0.6), 0.0, 0.22 + 0.22 * np.cos(0.6)],
+    )
+    goal = pose @ RigidTransform(RollPitchYaw(0, 0.5, 0), np.zeros(3))
+
+    simulation.move_to(goal)
+
+    reached = plant.EvalBodyPoseInWorld(own, hand)
+    assert reached.translation() == pytest.approx(goal.translation(), abs=2e-3)
+    assert joint(simulation, "shoulder") == pytest.approx(0.6, abs=5e-3)
+    assert joint(simulation, "elbow") == pytest.approx(0.5, abs=5e-3)
