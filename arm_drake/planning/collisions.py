@@ -15,7 +15,6 @@ import functools
 import itertools
 import math
 import re
-import weakref
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -73,7 +72,7 @@ _NO_WEIGHT = 1e-3
 # can be left out; where not, ever more are checked before it is tried again.
 _STRIDE, _WORTH, _LONGEST_WAIT = 8.0, 2, 255
 
-# Models of a robot that are kept, of different groups and worlds.
+# Models that are kept, of different robots, groups and worlds.
 _KEPT = 8
 
 # Shapes that moved by less are where they were [m], [1].
@@ -575,9 +574,9 @@ def _differ(one: Sequence[PlacedShape], other: Sequence[PlacedShape]) -> bool:
     )
 
 
-_models: "weakref.WeakKeyDictionary[Robot, dict[object, CollisionModel]]" = (
-    weakref.WeakKeyDictionary()
-)
+# The latest models, of all robots. A model has its robot, so robots can't be weak keys:
+# none would ever go.
+_models: dict[tuple[object, ...], CollisionModel] = {}
 
 
 def collision_model(
@@ -593,18 +592,17 @@ def collision_model(
 
     Building one takes half a second.
     """
-    known = _models.setdefault(robot, {})
-    key = (tuple(joints), _identity(world), padding)
-    model = known.pop(key, None)
+    key = (robot, tuple(joints), _identity(world), padding)
+    model = _models.pop(key, None)
     if model is None:
         model = CollisionModel(
             robot, joints, world, padding=padding, positions=positions
         )
     model.set_positions(positions)
     model.set_things(things)
-    known[key] = model
-    while len(known) > _KEPT:
-        del known[next(iter(known))]
+    _models[key] = model
+    while len(_models) > _KEPT:
+        del _models[next(iter(_models))]
     return model
 
 

@@ -144,7 +144,8 @@ def _find_shapes(
         for geometry in plant.GetCollisionGeometriesForBody(body):
             name = _name_of(plant, body) if index else inspector.GetName(geometry)
             X_BG = RigidTransform(inspector.GetPoseInFrame(geometry))
-            shape = inspector.GetShape(geometry)
+            # A copy: what the inspector returns keeps the diagram alive.
+            shape = inspector.GetShape(geometry).Clone()
             found.append(PlacedShape(name, shape, poses[index] @ X_BG))
     return found
 
@@ -284,7 +285,7 @@ def _payloads(
         for geometry in plant.GetCollisionGeometriesForBody(body):
             if inspector.GetName(geometry).rpartition("::")[2] == "payload":
                 pose = RigidTransform(inspector.GetPoseInFrame(geometry))
-                shape = inspector.GetShape(geometry)
+                shape = inspector.GetShape(geometry).Clone()
                 yield PlacedShape(f"payload of {link}", shape, pose, link)
 
 

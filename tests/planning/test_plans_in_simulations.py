@@ -1,5 +1,7 @@
 """Plans from running simulations: what is seen there, and what becomes of them."""
 
+import gc
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -392,3 +394,20 @@ def test_an_arm_reaches_for_poses_in_the_world_from_where_its_base_stands(
     assert reached.translation() == pytest.approx(goal.translation(), abs=2e-3)
     assert joint(simulation, "shoulder") == pytest.approx(0.6, abs=5e-3)
     assert joint(simulation, "elbow") == pytest.approx(0.5, abs=5e-3)
+
+
+def test_what_was_planned_for_goes_when_nobody_has_it_any_more() -> None:
+    robots, diagrams = [], []
+    for _ in range(12):
+        robot = ad.load_robot("lab5_arm")
+        diagram = ad.build_diagram(robot, world=with_a_crate)
+        name = robot.description.movable_joints[0].name
+        ad.plan(ad.Simulation(diagram), {name: 0.1})
+        robots.append(weakref.ref(robot))
+        diagrams.append(weakref.ref(diagram))
+        del robot, diagram
+    gc.collect()
+
+    # Some models are kept, but no diagram.
+    assert sum(each() is not None for each in robots) < 10
+    assert not any(each() for each in diagrams)
