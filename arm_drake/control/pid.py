@@ -312,6 +312,96 @@ class Pid(Message):
         return self.p * error + i_term + self.d * error_rate, grown
 
 
+class PlainPids:
+    """Steps of n PIDs with given rates in plain numbers, while these are finite.
+
+    To the bit what `Pid.step` gives, in a third of the time for six. What they remember
+    is the 5 n numbers of a PidState, field after field.
+    """
+
+    def __init__(self, pid: Pid, dt: float) -> None:
+        """Create them for steps of `dt` > `EPSILON` [s], of PIDs that `are_plain`."""
+        self._dt, self._n = dt, len(pid.p)
+        self._has_integral, self._has_i_clamp = pid._has_integral, pid._has_i_clamp
+        self._has_deadband = pid._has_deadband
+        self._is_limited = pid._has_u_clamp or pid._back is not None
+        self._unwinds = pid._conditional is not None or pid._back is not None
+        nothing = np.zeros(self._n, dtype=bool)
+        columns: list[Any] = [
+            *(pid.p, dt * pid.i, pid.d, pid.i_clamp_min, pid.i_clamp_max),
+            *(pid.u_clamp_min, pid.u_clamp_max, pid.error_deadband),
+            *(nothing if m is None else m for m in (pid._legacy, pid._conditional)),
+            *(nothing if pid._back is None else pid._back, pid.tracking_time_constant),
+        ]
+        self._rows = list(zip(*(c.tolist() for c in columns), strict=True))
+
+    @staticmethod
+    def are_plain(pid: Pid) -> bool:
+        """Return whether PIDs are none of humble, and divide by nothing that is 0."""
+        divides = pid._back is not None and (pid.tracking_time_constant == 0.0).any()
+        return not (pid.is_humble or divides)
+
+    def step(
+        self, memory: list[float], errors: list[float], rates: list[float] | None
+    ) -> list[float] | None:
+        """Return the commands of a step, and renew the memory; None if it can't be.
+
+        Rates [1/s] are as in `Pid.step`.
+        """
+        n, dt = self._n, self._dt
+        last = memory[n : 2 * n]
+        next_last = last
+        if rates is None:
+            next_last = errors
+            rates = [(e - old) / dt for e, old in zip(errors, last, strict=True)]
+        if not math.isfinite(sum(errors) + sum(rates)):
+            return None
+        terms, commands = [], []
+        for row, term, error, rate in zip(
+            self._rows, memory[:n], errors, rates, strict=True
+        ):
+            new, command = self._advance(row, term, error, rate)
+            terms.append(new)
+            commands.append(command)
+        memory[:] = terms + next_last + commands + errors + rates
+        return commands
+
+    def _advance(
+        self, row: tuple[Any, ...], term: float, error: float, rate: float
+    ) -> tuple[float, float]:
+        """Return an integral term and a command, as `Pid._advance`."""
+        p, gain, d, _, _, low, high, deadband, is_legacy, is_conditional, *back = row
+        gained = 0.0
+        if self._has_integral:
+            gained = gain * error
+            if self._has_deadband:
+                gained *= abs(error) > deadband
+        grown = self._grow(row, term, gained)
+        command = p * error + (grown if is_legacy else term) + d * rate
+        if not self._is_limited:
+            return grown, command
+        limited = command if command >= low else low
+        if limited > high:
+            limited = high
+        if self._has_integral and self._unwinds:
+            excess = limited - command
+            if is_conditional and abs(excess) > EPSILON and error * command > 0.0:
+                gained = 0.0
+            if back[0] and abs(error) > deadband:
+                gained += self._dt * (excess / back[1])
+            grown = self._grow(row, term, gained)
+        return grown, limited
+
+    def _grow(self, row: tuple[Any, ...], term: float, gained: float) -> float:
+        grown = term + gained if self._has_integral else term
+        if not self._has_i_clamp:
+            return grown
+        low, high = row[3], row[4]
+        if grown < low:
+            grown = low
+        return high if grown > high else grown
+
+
 def _array(gains: Sequence[Any], name: str) -> Array:
     return np.array([getattr(one, name) for one in gains], dtype=float)
 

@@ -11,7 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.control.pid import Pid, PidGains, PidState, find_fault
+from arm_drake.control.pid import (
+    STRATEGIES,
+    Pid,
+    PidGains,
+    PidState,
+    PlainPids,
+    find_fault,
+)
 
 INF, NAN = math.inf, math.nan
 
@@ -548,3 +555,53 @@ def test_no_pid_at_all_commands_nothing() -> None:
     state = pid.step(pid.initial(), np.zeros(0), 0.01)
 
     assert state.command.shape == pid.reset(state).command.shape == (0,)
+
+
+@pytest.mark.parametrize("has_rates", [False, True])
+@pytest.mark.parametrize("strategies", [("none",), ("legacy",), STRATEGIES])
+def test_plain_numbers_are_the_same_bit_by_bit(
+    strategies: tuple[str, ...], has_rates: bool
+) -> None:
+    rng = np.random.default_rng(len(strategies) + has_rates)
+    winds = 0
+    for trial in range(30):
+        gains = [
+            make_gains(
+                p=rng.uniform(-3.0, 9.0),
+                # A trial in three has no integral at all, one in two no limits.
+                i=rng.choice([0.0, rng.uniform(0.1, 20.0)]) * (trial % 3 > 0),
+                d=rng.uniform(0.0, 0.1),
+                antiwindup_strategy=str(rng.choice(strategies)),
+                tracking_time_constant=rng.uniform(0.01, 0.5),
+                error_deadband=rng.choice([0.0, 0.3]) * (trial % 5 > 0),
+                **({"u": rng.uniform(0.5, 3.0)} if trial % 2 else {}),
+                **({"i_clamp": rng.uniform(0.1, 1.0)} if trial % 4 > 1 else {}),
+            )
+            for _ in range(5)
+        ]
+        pid = Pid.from_gains(gains)
+        plain, state = PlainPids(pid, 0.01), pid.initial()
+        memory = [0.0] * 25
+        for _ in range(40):
+            error = rng.uniform(-1.0, 1.0, size=5)
+            rate = rng.uniform(-9.0, 9.0, size=5) if has_rates else None
+            unwound = state.i_term
+            state = pid.step(state, error, 0.01, rate)
+            rates = None if rate is None else rate.tolist()
+
+            assert plain.step(memory, error.tolist(), rates) == state.command.tolist()
+            assert memory == np.concatenate(state).tolist()
+            winds += bool((state.i_term != unwound).any())
+    assert winds > 500
+
+
+def test_plain_numbers_leave_what_is_not_finite_to_others() -> None:
+    plain = PlainPids(make_pid(p=1.0), 0.01)
+    memory = [0.0] * 5
+
+    assert plain.step(memory, [NAN], None) is None
+    assert memory == [0.0] * 5
+    assert not PlainPids.are_plain(make_pid(p=1.0, is_humble=True))
+    assert not PlainPids.are_plain(
+        make_pid(i=1.0, antiwindup_strategy="back_calculation")
+    )

@@ -455,6 +455,47 @@ def test_gazebo_s_forces_are_the_same_at_their_limits(
     assert efforts.max(axis=0) == pytest.approx((1.5, 0.8))
 
 
+PID = """
+controller_manager:
+  ros__parameters:
+    update_rate: 200
+    arm: {{type: joint_trajectory_controller/JointTrajectoryController}}
+arm:
+  ros__parameters:
+    joints: [swing]
+    command_interfaces: [{command}]
+    state_interfaces: [position, velocity]
+    gains: {{swing: {{{gains}}}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("command", "gains"),
+    [
+        ("effort", "p: 60.0, i: 90.0, d: 8.0, i_clamp: 2.0"),
+        ("effort", "p: 400.0, i: 90.0, d: 40.0, u_clamp_max: 9.0, u_clamp_min: -9.0"),
+        ("velocity", "p: 5.0, ff_velocity_scale: 1.0"),
+    ],
+)
+def test_pids_of_a_trajectory_tick_steadily(
+    count: Count, tmp_path: Path, command: str, gains: str
+) -> None:
+    control = models.ros2_control("swing", command=command)
+    config = PID.format(command=command, gains=gains)
+    robot = models.load(tmp_path, models.pendulum(control=control), config)
+    sim = ad.Simulation(ad.build_diagram(robot, world="void"))
+    sim.run(0.1)
+    point = JointTrajectoryPoint([0.4], [0.0], time_from_start=0.6)
+    message = JointTrajectory(joint_names=["swing"], points=[point])
+    goal = sim.controller("arm").send_goal(message)
+    sim.run(1.0)
+
+    assert goal.status.is_terminal
+    assert len(goal.feedback) > 5
+    assert count.steady_share > 0.85, count
+    assert sim.joint_states().position[0] > 0.1
+
+
 HAND = """
 controller_manager:
   ros__parameters:

@@ -23,7 +23,7 @@ from pydrake.systems.framework import Context, InputPort
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.control.pid import PidState
+from arm_drake.control.pid import PidState, PlainPids
 from arm_drake.control.tolerances import StateTolerances, exceeds
 from arm_drake.control.trajectory import (
     Positions,
@@ -45,13 +45,13 @@ from arm_drake.controllers.cycles import (
 )
 from arm_drake.controllers.joint_trajectory.goals import (
     FINE,
-    Verdict,
     commanded_before,
     conclude,
     conclude_if_due,
     hold,
     install,
     is_executing,
+    judge,
     make_hold_point,
     monitor,
     receive,
@@ -69,6 +69,7 @@ from arm_drake.controllers.joint_trajectory.state import (
     Plan,
     TickInputs,
     add_events,
+    command_of_pid,
     errors_of,
     make_command,
     make_controller_state,
@@ -77,6 +78,7 @@ from arm_drake.controllers.joint_trajectory.state import (
 )
 from arm_drake.controllers.topics import new_messages, new_parameters
 from arm_drake.messages import (
+    NANOSECONDS,
     ActionRequest,
     FollowJointTrajectoryErrorCode,
     FollowJointTrajectoryGoal,
@@ -89,6 +91,7 @@ from arm_drake.messages import (
     Time,
     TimeLike,
 )
+from arm_drake.timing import has_rate
 
 
 class _Commands(NamedTuple):
@@ -131,7 +134,7 @@ def follow(
     if not plan.is_holding:
         late = trajectory.since_end(clock_ns) if is_finished else None
         checks_path = is_first or not is_finished
-        verdict = _judge(rules, plan, inputs, desired, error, checks_path, late)
+        verdict = judge(rules, plan, inputs, desired, error, checks_path, late)
     if verdict.is_off_path or verdict.is_late:
         commands = _leave(rules, state, inputs)
     elif rules.is_plain:
@@ -212,45 +215,6 @@ def _command(
     # A sum is finite only if all of its terms are.
     output = command if math.isfinite(command.sum()) else state.output
     return _Commands(ahead, inputs.time_ns, command, output, pid)
-
-
-def _judge(
-    rules: JointTrajectoryRules,
-    plan: Plan,
-    inputs: TickInputs,
-    desired: Sample,
-    error: Array,
-    checks_path: bool,
-    late: float | None,
-) -> Verdict:
-    """Return how a trajectory is followed; `late` is None before its end."""
-    if late is not None and 0.0 < plan.cmd_timeout < late:
-        return Verdict(is_timed_out=True)
-    tolerances = plan.tolerances
-    if tolerances is None:
-        return FINE
-    is_off_path = is_off_goal = is_late = False
-    path, goal = tolerances.path, tolerances.goal
-    if path.is_checked and checks_path:
-        is_off_path = _exceeds(rules, inputs, desired, error, path)
-    if late is not None and goal.is_checked:
-        is_off_goal = _exceeds(rules, inputs, desired, error, goal)
-        is_late = is_off_goal and 0.0 != tolerances.goal_time < late
-    if not (is_off_path or is_off_goal):
-        return FINE
-    return Verdict(False, is_off_path, is_off_goal, is_late, late or 0.0)
-
-
-def _exceeds(
-    rules: JointTrajectoryRules,
-    inputs: TickInputs,
-    desired: Sample,
-    error: Array,
-    tolerances: StateTolerances,
-) -> bool:
-    if tolerances.is_position_only:
-        return exceeds(error, None, None, tolerances)
-    return exceeds(*errors_of(rules, inputs, desired, error), tolerances)
 
 
 __all__ = [
@@ -381,6 +345,7 @@ class _Course:
         "ahead_ns",
         "is_finished",
         "path",
+        "pids",
         "present",
         "present_ns",
         "rules",
@@ -396,6 +361,7 @@ class _Course:
         state: JointTrajectoryState,
         time_ns: int,
         sense: Callable[[int, Array], TickInputs],
+        dt: float,
     ) -> None:
         """Take what a tick has left at a time, and what gives the inputs of others."""
         plan, trajectory = state.plan, state.plan.trajectory
@@ -412,6 +378,8 @@ class _Course:
         self.path: StateTolerances | None = None
         if not (plan.is_holding or self.is_finished or tolerances is None):
             self.path = tolerances.path if tolerances.path.is_checked else None
+        # The PIDs, if there are any.
+        self.pids = None if rules.pid is None else PlainPids(rules.pid, dt)
         # The positions there.
         self.present = Positions(trajectory, state.cursor)
         self.ahead = Positions(trajectory, state.cursor)
@@ -431,10 +399,14 @@ class SteadyTrajectory:
         system: JointTrajectoryControllerSystemState,
         time_ns: int,
         sense: Callable[[int, Array], TickInputs],
+        dt: float,
     ) -> None:
-        """Take the state that a tick has left, and what gives the inputs of others."""
+        """Take the state that a tick has left, and what gives the inputs of others.
+
+        `dt` is the period [s].
+        """
         rules, state = system.inbox.rules, system.control
-        self._take(system, _Course(rules, state, time_ns, sense))
+        self._take(system, _Course(rules, state, time_ns, sense, dt))
 
     def _take(
         self, system: JointTrajectoryControllerSystemState, course: "_Course"
@@ -450,7 +422,8 @@ class SteadyTrajectory:
         """Return whether ticks from a state on are of this kind."""
         rules, state = system.inbox.rules, system.control
         plan, desired, tolerances = state.plan, state.desired, state.plan.tolerances
-        is_plain = rules.pid is None and rules.wraparound is None
+        is_plain = rules.pid is None or PlainPids.are_plain(rules.pid)
+        is_plain = is_plain and rules.wraparound is None
         is_timed = not (rules.has_scaling_state or rules.has_scaling_command)
         if not (is_plain and is_timed and state.scaling_factor == 1.0):
             return False
@@ -496,7 +469,6 @@ class SteadyTrajectory:
         self, time_ns: int, motions: Array, memory: list[float]
     ) -> list[float] | None:
         """Return the values that a tick commands; None where it has to judge them."""
-        del memory
         course = self._course
         path, ahead_ns = course.path, time_ns + course.ahead_ns
         if path is None and course.rules.is_plain:
@@ -511,7 +483,15 @@ class SteadyTrajectory:
         if path is not None and exceeds(error, None, None, path):
             return None
         ahead = self._sample(ahead_ns)
-        return self._make_command(inputs, desired, ahead, error).tolist()
+        if course.pids is None:
+            return self._make_command(inputs, desired, ahead, error).tolist()
+        _, rate, _ = errors_of(course.rules, inputs, desired, error)
+        rates = None if rate is None else rate.tolist()
+        output = course.pids.step(memory, error.tolist(), rates)
+        if output is None:
+            return None
+        values = command_of_pid(course.rules, ahead, np.array(output)).tolist()
+        return values if math.isfinite(sum(values)) else None
 
     def _sample(self, time_ns: int) -> Sample:
         sample = self._course.trajectory.sample(time_ns, self._last.cursor)
@@ -530,13 +510,16 @@ class SteadyTrajectory:
         self, time_ns: int, motions: Array, memory: Sequence[float]
     ) -> JointTrajectoryControllerSystemState:
         """Return the state that a tick leaves behind."""
-        del memory
-        last, course = self._last, self._course
+        last, course, pid = self._last, self._course, self._last.pid
         inputs = course.sense(time_ns, motions)
         present_ns, ahead_ns = time_ns + course.present_ns, time_ns + course.ahead_ns
         desired, ahead = self._sample(present_ns), self._sample(ahead_ns)
         error = desired.position - inputs.position
-        values = self._make_command(inputs, desired, ahead, error)
+        if course.pids is None or not memory:  # Feedback doesn't tell commands.
+            values = self._make_command(inputs, desired, ahead, error)
+        else:
+            pid = PidState(*np.split(np.array(memory), len(PidState._fields)))
+            values = command_of_pid(course.rules, ahead, pid.command)
         new = JointTrajectoryState(
             last.plan,
             last.goal,
@@ -554,7 +537,7 @@ class SteadyTrajectory:
             time_ns,
             values,
             values,
-            last.pid,
+            pid,
             last.scaling_factor,
         )
         return JointTrajectoryControllerSystemState(self._system.inbox, new)
@@ -631,6 +614,8 @@ class JointTrajectoryController(
             distro=params.distro,
         )
         rules = self._make_rules(parameters)
+        if rules.pid is not None:
+            self.num_remembered = len(PidState._fields) * len(joints)
         self._has_scaling_state = bool(scaling.state_interface)  # rules may ignore it
         self._has_scaling_command = rules.has_scaling_command
         super().__init__(
@@ -687,7 +672,20 @@ class JointTrajectoryController(
         """Return how it follows a trajectory between two of its points."""
         if not SteadyTrajectory.can_follow(last.state, time_ns):
             return None
-        return SteadyTrajectory(last.state, time_ns, self._sense_motions)
+        params, rate = self.params, self.params.update_rate
+        is_whole = has_rate(params.period, rate) and NANOSECONDS % rate == 0
+        has_pids = last.state.inbox.rules.pid is not None
+        if has_pids and not (is_whole and self.num_remembered):
+            return None
+        dt = NANOSECONDS // rate / NANOSECONDS
+        return SteadyTrajectory(last.state, time_ns, self._sense_motions, dt)
+
+    def remember(self, state: JointTrajectoryControllerSystemState) -> list[float]:
+        """Return what PIDs remember, if there are any."""
+        pid = state.control.pid
+        if pid is None:
+            return [0.0] * self.num_remembered
+        return [number for field in pid for number in field.tolist()]
 
     def _sense_motions(self, time_ns: int, motions: Array) -> TickInputs:
         measured, velocity_at = motions[self._read_at], self._velocity_at

@@ -25,8 +25,9 @@ import numpy as np
 
 from arm_drake.arrays import Array
 from arm_drake.control.action_goals import ActiveGoal, answer_cancel
-from arm_drake.control.tolerances import resolve_tolerances
+from arm_drake.control.tolerances import StateTolerances, exceeds, resolve_tolerances
 from arm_drake.control.trajectory import (
+    Sample,
     StateBefore,
     Trajectory,
     blend,
@@ -42,6 +43,7 @@ from arm_drake.controllers.joint_trajectory.state import (
     Plan,
     TickInputs,
     add_events,
+    errors_of,
     find_fault,
     make_feedback,
     present_commands,
@@ -612,6 +614,46 @@ class Verdict(NamedTuple):
 
 
 FINE = Verdict()
+
+
+def judge(
+    rules: JointTrajectoryRules,
+    plan: Plan,
+    inputs: TickInputs,
+    desired: Sample,
+    error: Array,
+    checks_path: bool,
+    late: float | None,
+) -> Verdict:
+    """Return how a trajectory is followed; `late` is None before its end."""
+    if late is not None and 0.0 < plan.cmd_timeout < late:
+        return Verdict(is_timed_out=True)
+    tolerances = plan.tolerances
+    if tolerances is None:
+        return FINE
+    is_off_path = is_off_goal = is_late = False
+    path, goal = tolerances.path, tolerances.goal
+    if path.is_checked and checks_path:
+        is_off_path = _exceeds(rules, inputs, desired, error, path)
+    if late is not None and goal.is_checked:
+        is_off_goal = _exceeds(rules, inputs, desired, error, goal)
+        is_late = is_off_goal and 0.0 != tolerances.goal_time < late
+    if not (is_off_path or is_off_goal):
+        return FINE
+    return Verdict(False, is_off_path, is_off_goal, is_late, late or 0.0)
+
+
+def _exceeds(
+    rules: JointTrajectoryRules,
+    inputs: TickInputs,
+    desired: Sample,
+    error: Array,
+    tolerances: StateTolerances,
+) -> bool:
+    if tolerances.is_position_only:
+        return exceeds(error, None, None, tolerances)
+    return exceeds(*errors_of(rules, inputs, desired, error), tolerances)
+
 
 _SUCCESS_TEXT = "Goal successfully reached!"
 _PATH_TEXT = "Aborted due to path tolerance violation"

@@ -512,27 +512,29 @@ def make_command(
 
     `error` shape (n,).
     """
-    pid = state.pid
     if rules.pid is not None:
-        last = rules.pid.initial() if pid is None else pid
+        last = rules.pid.initial() if state.pid is None else state.pid
         _, rate, _ = errors_of(rules, inputs, desired, error)
         pid = rules.pid.step(last, error, inputs.period_ns / NANOSECONDS, rate)
-        output = pid.command
-        if rules.ff_velocity_scale is not None and ahead.velocity is not None:
-            output = rules.ff_velocity_scale * ahead.velocity + output
-        if rules.command_interfaces == ("effort",) and ahead.effort is not None:
-            output = output + ahead.effort
-        vectors: list[Array | None] = [output]
-    else:
-        vectors = [
-            _open_loop(name, desired, ahead) for name in rules.command_interfaces
-        ]
+        return command_of_pid(rules, ahead, pid.command), pid
+    vectors = [_open_loop(name, desired, ahead) for name in rules.command_interfaces]
     n = len(rules.joints)
     values = [np.full(n, math.nan) if v is None else v for v in vectors]
     if rules.commanded_joints is not None:
         at = list(rules.commanded_joints)
         values = [vector[at] for vector in values]
-    return (values[0] if len(values) == 1 else np.concatenate(values)), pid
+    return (values[0] if len(values) == 1 else np.concatenate(values)), state.pid
+
+
+def command_of_pid(rules: JointTrajectoryRules, ahead: Sample, output: Array) -> Array:
+    """Return the values of all command interfaces, shape (k,), by what PIDs put out."""
+    if rules.ff_velocity_scale is not None and ahead.velocity is not None:
+        output = rules.ff_velocity_scale * ahead.velocity + output
+    if rules.command_interfaces == ("effort",) and ahead.effort is not None:
+        output = output + ahead.effort
+    if rules.commanded_joints is not None:
+        output = output[list(rules.commanded_joints)]
+    return output
 
 
 def _open_loop(interface: str, desired: Sample, ahead: Sample) -> Array | None:
