@@ -8,7 +8,7 @@ what was loaded. A picture depends on the poses of that moment alone.
 import ctypes
 import functools
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -55,6 +55,10 @@ RENDERER: Final = "arm_drake"
 
 # Library that Drake's renderer opens on Linux.
 _EGL: Final = "libEGL.so.1"
+
+# EGL_PLATFORM_DEVICE_EXT, and of how many devices it is asked.
+_PLATFORM_DEVICE: Final = 0x313F
+_MOST_DEVICES: Final = 64
 
 # Side of the square in which shadows are computed [pixels].
 _SHADOW_SIZE: Final = 1024
@@ -327,10 +331,10 @@ def require_renderer() -> None:
     """Raise ArmDrakeError if the libraries that Drake's renderer opens are missing."""
     try:
         _egl()
-    except OSError:
+    except OSError as error:
         raise ArmDrakeError(
-            f"pictures of cameras need EGL, and {_EGL} isn't there; Debian and Ubuntu "
-            "have it in a package: apt-get install libegl1 libgl1-mesa-dri"
+            f"pictures of cameras need OpenGL by EGL: {error}; Debian and Ubuntu have "
+            "what is needed in packages: apt-get install libegl1 libgl1-mesa-dri"
         ) from None
 
 
@@ -343,8 +347,35 @@ def _let_go() -> None:
 
 @functools.cache
 def _egl() -> ctypes.CDLL | None:
-    """Return the library that Drake's renderer opens on Linux, or raise OSError."""
-    return ctypes.CDLL(_EGL) if sys.platform == "linux" else None
+    """Return the library that Drake's renderer opens on Linux, or raise OSError.
+
+    Without a driver the renderer would end the process. What is initialised here it
+    needn't initialise again.
+    """
+    if sys.platform != "linux":
+        return None
+    egl = ctypes.CDLL(_EGL)
+    if not any(egl.eglInitialize(display, None, None) for display in _displays(egl)):
+        raise OSError(f"{_EGL} has no driver that draws")
+    return egl
+
+
+def _displays(egl: ctypes.CDLL) -> Iterator[ctypes.c_void_p]:
+    """Yield where the renderer may draw: on each device, or where EGL chooses to."""
+    pointer, integer = ctypes.c_void_p, ctypes.c_int
+    egl.eglGetProcAddress.restype = egl.eglGetDisplay.restype = pointer
+    query, find = map(
+        egl.eglGetProcAddress, (b"eglQueryDevicesEXT", b"eglGetPlatformDisplayEXT")
+    )
+    if not query or not find:
+        yield pointer(egl.eglGetDisplay(None))
+        return
+    array, count = (pointer * _MOST_DEVICES)(), integer()
+    kind = ctypes.CFUNCTYPE(integer, integer, pointer, pointer)
+    kind(query)(_MOST_DEVICES, array, ctypes.byref(count))
+    make = ctypes.CFUNCTYPE(pointer, integer, pointer, pointer)(find)
+    for device in array[: count.value]:
+        yield pointer(make(_PLATFORM_DEVICE, device, None))
 
 
 def _make_light(light: Light) -> LightParameter:

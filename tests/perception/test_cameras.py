@@ -3,6 +3,9 @@
 import concurrent.futures
 import dataclasses as dc
 import math
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -104,6 +107,37 @@ def test_nobody_reads_nothing_is_loaded() -> None:
     [camera] = simulation.directory.manager(None).sensors
 
     assert not camera.scenery.is_loaded
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="EGL is Linux's")
+@pytest.mark.parametrize(
+    "hidden", [{"__EGL_VENDOR_LIBRARY_DIRS": "/none"}, {"LIBGL_DRIVERS_PATH": "/none"}]
+)
+def test_where_nothing_draws_one_message_names_the_packages(
+    hidden: dict[str, str], tmp_path: Path
+) -> None:
+    robot = tmp_path / "robot.urdf"
+    robot.write_text(_URDF.format(**_NUMBERS))
+    command = (
+        *f"-m arm_drake sim {robot} --headless --duration 0.1".split(),
+        "--image",
+    )
+    image = tmp_path / "front.png"
+
+    run = subprocess.run(
+        (sys.executable, *command, f"front={image}"),
+        env={**os.environ, **hidden},
+        capture_output=True,
+        text=True,
+    )
+
+    last = run.stderr.splitlines()[-1]
+    if run.returncode == 0 and "LIBGL_DRIVERS_PATH" in hidden:
+        pytest.skip("this Mesa has its drivers elsewhere")
+    assert run.returncode == 2
+    assert last.startswith("arm-drake: pictures of cameras need OpenGL by EGL: ")
+    assert last.endswith("apt-get install libegl1 libgl1-mesa-dri")
+    assert not image.exists()
 
 
 def test_steps_tell_cameras_little() -> None:
