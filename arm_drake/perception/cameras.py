@@ -76,6 +76,8 @@ def topics_of(camera: CameraSensor, robot: str, world: str) -> dict[str, str]:
     if camera.part:
         place += f"/{camera.part}"
     own = camera.topic
+    if camera.part and own:
+        own = f"{own}/{camera.part}/image"
     if camera.kind == "rgbd":
         base = own or place
         ends = ("image", "depth_image", "points", "camera_info")

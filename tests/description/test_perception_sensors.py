@@ -146,6 +146,29 @@ def test_what_is_taken_otherwise_is_a_warning(
     assert [s.name for s in robot.description.perception_sensors] == ["front"]
 
 
+@pytest.mark.parametrize(
+    ("topic", "base"),
+    [
+        ("<topic>pair</topic>", "/pair"),
+        ("", "/world/empty/model/r/link/eye/sensor/front"),
+    ],
+)
+def test_cameras_of_a_multicamera_have_topics_of_their_own(
+    topic: str, base: str
+) -> None:
+    camera = '<camera name="{}"><image><width>32</width><height>24</height></image>'
+    both = "".join(camera.format(n) + "</camera>" for n in ("left", "right"))
+    robot = load("multicamera", topic + both)
+
+    simulation = ad.Simulation(ad.build_diagram(robot))
+
+    assert [simulation.camera(f"front_{n}").topics for n in ("left", "right")] == [
+        {key: f"{base}/{n}/{key}" for key in ("image", "camera_info")}
+        for n in ("left", "right")
+    ]
+    assert list(simulation.report) == []
+
+
 def test_a_missing_renderer_is_named_with_its_package(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

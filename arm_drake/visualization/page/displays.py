@@ -1,9 +1,10 @@
 """What topics say, drawn in the scene: RViz's displays, each chosen by its topic."""
 
+import copy
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,6 @@ from arm_drake.description.joints import WORLD
 from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.messages import (
     LaserScan,
-    Message,
     Odometry,
     PointCloud2,
     Pose,
@@ -137,9 +137,25 @@ class _Points(Display):
     def __init__(self, live: Drawn, topic: str, path: str) -> None:
         """Create it, with nothing drawn."""
         super().__init__(live, topic, path)
-        self._sensor = find_sensor(live, topic)
+        self._sensor: Any = None
         # Where those of now are drawn; in a recording each has a path of its own.
         self._own, self._count, self._began = path, 0, math.nan
+        # What draws the messages of each sensor on the topic, itself the first's.
+        self.parts = [self]
+
+    def see(self, sensors: Sequence[Any]) -> None:
+        """Take note of the cameras or lidars that publish on the topic."""
+        for number, sensor in enumerate(sensors):
+            part = copy.copy(self) if number else self
+            part._sensor = sensor
+            if number:
+                part._path = part._own = f"{self._path}|{number + 1}"
+                self.parts.append(part)
+
+    def clear(self) -> None:
+        """Draw nothing."""
+        for part in self.parts:
+            self._meshcat.Delete(part._path)
 
     def _begin(self) -> None:
         """Have the next points in place of those of before, in a recording too."""
@@ -325,7 +341,9 @@ class Displays(Part):
             old.clear()
         if is_shown:
             path = f"{_PATH}/{topic.strip('/').replace('/', '|')}"
-            self._shown[topic] = self.topics[topic](self._live, topic, path)
+            self._shown[topic] = display = self.topics[topic](self._live, topic, path)
+            if isinstance(display, _Points):
+                display.see(self._live.simulation.topic(topic).sensors)
             self._due.pop(topic, None)
             self._read(topic)
 
@@ -389,18 +407,12 @@ class Displays(Part):
         return Section("Displays", tuple(toggles), is_open=False)
 
     def _read(self, topic: str) -> None:
-        message: Message = self._live.simulation.topic(topic).value()
-        self._shown[topic].draw(message)
-
-
-def find_sensor(live: Drawn, topic: str) -> Any:
-    """Return the camera or lidar that publishes on a topic; None if none does."""
-    for manager in live.simulation.directory.managers.values():
-        for sensor in manager.sensors:
-            names = {f"/{manager.prefix}{t.lstrip('/')}" for t in sensor.output_types}
-            if topic in names:
-                return sensor
-    return None
+        display, source = self._shown[topic], self._live.simulation.topic(topic)
+        if isinstance(display, _Points):
+            for part, message in zip(display.parts, source.values(), strict=True):
+                part.draw(message)
+        else:
+            display.draw(source.value())
 
 
 def _to_transform(pose: Pose) -> RigidTransform:
