@@ -16,6 +16,7 @@ from pydrake.systems.framework import CacheIndex
 
 import arm_drake as ad
 from arm_drake.errors import InputError
+from arm_drake.perception import scenery as scenery_module
 from arm_drake.perception.cameras import Camera
 from arm_drake.perception.images import to_array, to_points
 from arm_drake.perception.scenery import Scenery
@@ -207,6 +208,25 @@ def test_threads_take_pictures_in_turns(capfd: pytest.CaptureFixture[str]) -> No
     assert "eglMakeCurrent" not in capfd.readouterr().err
 
 
+@pytest.mark.parametrize("shape", ['<box size="1 1 1"/>', '<mesh filename="{}"/>'])
+def test_what_the_sun_shines_on_has_the_colour_that_it_was_given(
+    shape: str, tmp_path: Path
+) -> None:
+    trimesh.creation.box((1.0, 1.0, 1.0)).export(tmp_path / "box.stl")
+    geometry = shape.format(f"file://{tmp_path}/box.stl")
+    robot = ad.load_robot(f"""<robot name="r"><link name="world"/><link name="box">
+<visual><geometry>{geometry}</geometry><material name="red">
+<color rgba="0.8 0.2 0.2 1"/></material></visual></link><joint name="a" type="fixed">
+<parent link="world"/><child link="box"/></joint></robot>""")
+    above = (0.0, 0.0, 2.0, 0.0, math.pi / 2.0, 0.0)
+    robot = ad.add_camera(robot, "world", above, name="eye", width=32, height=24)
+
+    seen = ad.Simulation(ad.build_diagram(robot)).camera("eye").color()[12, 16]
+
+    # A surface shines a little, whatever its colour is.
+    np.testing.assert_allclose(seen, np.array([0.8, 0.2, 0.2]) * 255.0, atol=30.0)
+
+
 def test_noise_is_that_of_its_seed() -> None:
     def look(seed: int) -> np.ndarray:
         robot = ad.add_camera(load(), "eye", name="noisy", width=32, noise=0.1)
@@ -293,7 +313,10 @@ def test_meshes_that_move_together_are_drawn_as_one(
         return scenery, camera.color(), camera.depth(), camera.labels()
 
     scenery, *joined = shoot()
-    monkeypatch.setattr("arm_drake.perception.scenery._join", list)
+    join = scenery_module._join
+    monkeypatch.setattr(
+        scenery_module, "_join", lambda copies: [join([c])[0] for c in copies]
+    )
     apart, *expected = shoot()
 
     # The red and the green one, the blue one, and the box of `load`.
