@@ -511,9 +511,12 @@ def _check_camera(
         raise InputError(problem, where=where)
     if kind not in (kinds := get_args(CameraKind)):
         raise InputError(f"kind {kind!r}; {suggest(str(kind), kinds)}", where=where)
-    numbers = [float(number) for number in pose]
+    try:
+        numbers = [] if isinstance(pose, str) else [float(number) for number in pose]
+    except (TypeError, ValueError, OverflowError):
+        numbers = []
     if len(numbers) != 6 or not all(map(math.isfinite, numbers)):
-        problem = f"pose: expected x, y, z [m], roll, pitch, yaw [rad], got {pose}"
+        problem = f"pose: expected x, y, z [m], roll, pitch, yaw [rad], got {pose!r}"
         raise InputError(problem, where=where)
     x, y, z, roll, pitch, yaw = numbers
     return (x, y, z, roll, pitch, yaw)

@@ -2,6 +2,8 @@
 
 import concurrent.futures
 import dataclasses as dc
+import io
+import itertools
 import math
 import os
 import subprocess
@@ -10,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import PIL.Image
 import pytest
 import trimesh
 from pydrake.systems.framework import CacheIndex
@@ -18,7 +21,7 @@ import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.perception import scenery as scenery_module
 from arm_drake.perception.cameras import Camera
-from arm_drake.perception.images import to_array, to_points
+from arm_drake.perception.images import color_labels, to_array, to_points
 from arm_drake.perception.scenery import Scenery
 from tests.snippets import ROOT, read_blocks
 
@@ -100,6 +103,46 @@ def test_labels_are_names_of_links(simulation: ad.Simulation) -> None:
     camera = simulation.camera("front")
 
     assert camera.label_names[camera.labels()[120, 160]] == "r::base"
+
+
+def test_colours_of_labels_are_told_apart(simulation: ad.Simulation) -> None:
+    camera = simulation.camera("front")
+    picture, labels = camera.image("labels"), camera.labels()
+    base = camera.label_names.index("r::base")
+
+    colors = color_labels(np.arange(31))
+    pairs = itertools.combinations(colors.astype(int), 2)
+    apart = [np.abs(a - b).sum() for a, b in pairs]
+
+    # Of 30 things and nothing no two differ by less than 50 levels in all.
+    assert min(apart) >= 50
+    assert camera.label_colors["nothing"] == (0, 0, 0)
+    assert set(camera.label_colors) == {"nothing", "ground", "r::base"}
+    seen = np.unique(picture[labels == base], axis=0)
+    assert seen.tolist() == [list(camera.label_colors["r::base"])]
+
+
+def test_in_a_notebook_a_camera_is_its_picture(simulation: ad.Simulation) -> None:
+    camera = simulation.camera("front")
+
+    with PIL.Image.open(io.BytesIO(camera._repr_png_())) as picture:
+        shown = np.asarray(picture)
+
+    np.testing.assert_array_equal(shown, camera.color())
+
+
+@pytest.mark.parametrize(
+    "pose",
+    ["abc", 3.0, None, (1, 2, 3), (0, 0, 0, 0, 0, math.nan), [[1] * 6], "123456"],
+)
+def test_a_pose_that_is_none_is_told_in_one_message(pose: Any) -> None:
+    with pytest.raises(InputError) as error:
+        ad.add_camera(load(), "eye", pose, name="other")
+
+    assert str(error.value) == (
+        "camera 'other': pose: expected x, y, z [m], roll, pitch, yaw [rad], got "
+        f"{pose!r}"
+    )
 
 
 def test_nobody_reads_nothing_is_loaded() -> None:
