@@ -4,7 +4,7 @@ import copy
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,7 @@ from arm_drake.messages import (
 from arm_drake.messages.sensors import ContactsState, ContactState
 from arm_drake.perception.cameras import R_SENSOR_OPTICAL, Camera
 from arm_drake.perception.images import to_colors, to_points
+from arm_drake.perception.lidar import Lidar
 from arm_drake.visualization.contact_arrows import ContactArrows
 from arm_drake.visualization.page.parts import Drawn, Part
 from arm_drake.visualization.page.widgets import Section, Toggle
@@ -321,6 +322,8 @@ class Displays(Part):
         self._shown: dict[str, Display] = {}
         # When those that are dear are read next, see `_now` [s].
         self._due: dict[str, float] = {}
+        # Those of sensors that are to be shown, as their tags say.
+        self._wanted = _find_wanted(live, topics)
 
     @property
     def shown(self) -> tuple[str, ...]:
@@ -349,17 +352,24 @@ class Displays(Part):
 
     def draw(self) -> None:
         """Draw the latest messages."""
+        wanted, self._wanted = self._wanted, ()
+        for topic in () if self._live.views.is_recorded else wanted:
+            self._try(self.show, topic)
         for topic, display in list(self._shown.items()):
             start = self._now()
             if display.is_dear and start < self._due.get(topic, -math.inf) - 1e-9:
                 continue
-            try:
-                self._read(topic)
-            except ArmDrakeError as error:
-                self._shown.pop(topic).clear()
-                self._live.page.say(str(error), "error")
+            self._try(self._read, topic)
             now = self._now()
             self._due[topic] = now + max(_PERIOD, (now - start) * (1 / _SHARE - 1))
+
+    def _try(self, act: Callable[[str], None], topic: str) -> None:
+        """Do something with a topic; if it can't be, draw it no more and say why."""
+        try:
+            act(topic)
+        except ArmDrakeError as error:
+            self._shown.pop(topic).clear()
+            self._live.page.say(str(error), "error")
 
     def end_recording(self) -> None:
         """Leave out what would stand still in a recording: forces."""
@@ -393,6 +403,7 @@ class Displays(Part):
     def take_over(self, other: Part) -> None:
         """Show what the other one did."""
         if isinstance(other, Displays):
+            self._wanted = ()
             for topic in other.shown:
                 other.show(topic, False)
                 if topic in self.topics:
@@ -427,6 +438,19 @@ def _to_transform(pose: Pose) -> RigidTransform:
 
 def _to_array(point: Any) -> Array:
     return np.array([point.x, point.y, point.z])
+
+
+def _find_wanted(live: Drawn, topics: Mapping[str, type[Display]]) -> tuple[str, ...]:
+    """Return the topics of lidars whose tags say that they are to be shown."""
+    handles = {topic: live.simulation.topic(topic) for topic in topics}
+    return tuple(
+        topic
+        for topic, handle in handles.items()
+        if any(s.sensor.visualize and isinstance(s, Lidar) for s in handle.sensors)
+        # Of several rings the scan has one, and the cloud of one ring is its scan.
+        and (topics[topic] is Cloud)
+        == all(len(s.directions) > 1 or "scan" not in s.topics for s in handle.sensors)
+    )
 
 
 def make_displays(live: Drawn) -> Displays:

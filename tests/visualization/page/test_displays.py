@@ -23,6 +23,7 @@ from arm_drake.messages import (
 from arm_drake.messages.sensors import ContactsState, ContactState
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page.camera_pictures import CameraPictures
 from arm_drake.visualization.page.displays import (
     Cloud,
     Contacts,
@@ -117,6 +118,29 @@ def test_dots_of_a_scan_are_where_its_rays_end(
     X = transform(live.page.meshcat, "/drake/displays/scan")
     base = live.simulation.link_poses()["base_link"].GetAsMatrix4()
     assert pytest.approx(base) == X
+
+
+def test_sensors_are_shown_from_the_start_where_their_tags_say_so() -> None:
+    camera = "<camera><image><width>32</width><height>24</height></image></camera>"
+    sensors = "".join(
+        f'<sensor name="{kind}_{seen}" type="{kind}"><visualize>{seen}</visualize>'
+        f"<topic>{kind}_{seen}</topic>{inside}</sensor>"
+        for kind, inside in (("camera", camera), ("gpu_lidar", "<lidar/>"))
+        for seen in ("true", "false")
+    )
+    robot = ad.load_robot(
+        '<robot name="r"><link name="world"/>'
+        f'<gazebo reference="world">{sensors}</gazebo></robot>'
+    )
+    with Page() as page:
+        diagram = ad.build_diagram(robot, options=OPTIONS, meshcat=page.meshcat)
+        live = LiveSimulation(page, Simulation(diagram), realtime_rate=0.0)
+        live.run(0.05)
+
+        assert displays_of(live).shown == ("/gpu_lidar_true",)
+        assert find_part(live.parts, CameraPictures).has_frusta
+        assert page.meshcat.HasPath("/drake/camera_frusta/camera_true")
+        assert not page.meshcat.HasPath("/drake/camera_frusta/camera_false")
 
 
 def test_each_lidar_of_a_topic_has_its_dots() -> None:
