@@ -35,6 +35,7 @@ from arm_drake.description.meshes.reading import read_bytes, read_surfaces
 from arm_drake.description.perception_sensors import (
     OUTPUT_TYPES,
     LidarSensor,
+    Noise,
     ScanAxis,
 )
 from arm_drake.errors import ArmDrakeError, InputError
@@ -392,14 +393,23 @@ class Lidar(SensorSystem):
         ranges = scenes[role].cast(
             query, X_WS.translation(), ways, sensor.range_min, sensor.range_max
         )
-        noise = sensor.noise
-        if noise.stddev or noise.mean:
+        if sensor.noise != Noise():
             # What isn't there has no noise.
-            random = self._random(context)
-            noisy = ranges + random.normal(noise.mean, noise.stddev, ranges.shape)
+            noisy = self._add_noise(context, ranges)
             limited = np.clip(noisy, sensor.range_min, sensor.range_max)
             ranges = np.where(np.isfinite(ranges), limited, ranges)
         return ranges.reshape(shape)
+
+    def _add_noise(self, context: Context, ranges: Array) -> Array:
+        """Return distances [m] as Gazebo's `GaussianNoiseModel` has them."""
+        noise, random = self.sensor.noise, self._random(context)
+        fixed = np.random.default_rng(self._seed)
+        bias = fixed.normal(noise.bias_mean, noise.bias_stddev) * fixed.choice((-1, 1))
+        noisy = ranges + random.normal(noise.mean, noise.stddev, ranges.shape) + bias
+        if noise.precision:
+            with np.errstate(invalid="ignore"):
+                noisy = np.round(noisy / noise.precision) * noise.precision
+        return np.asarray(noisy)
 
     def _make_scan(self, context: Context) -> LaserScan:
         ranges, sensor = self.ranges(context), self.sensor

@@ -147,6 +147,34 @@ def test_what_is_taken_otherwise_is_a_warning(
 
 
 @pytest.mark.parametrize(
+    ("kind", "inside", "told"),
+    [
+        (
+            "camera",
+            '<camera><save enabled="true"><path>x</path></save>'
+            "<noise><stddev>0.1</stddev><bias_mean>1</bias_mean></noise>"
+            "<triggered>true</triggered><pose>1 0 0 0 0 0</pose><zoom>2</zoom></camera>"
+            "<enable_metrics>true</enable_metrics>",
+            ["camera/save", "camera/noise/bias_mean", "camera/triggered", "camera/pose",
+             "camera/zoom", "enable_metrics"],
+        ),
+        ("gpu_lidar", "<lidar><noise><bias_mean>1</bias_mean></noise></lidar>", []),
+        ("ray", "<ray><visibility_mask>1</visibility_mask></ray><noise/>",
+         ["ray/visibility_mask", "noise"]),
+        ("multicamera", '<camera name="a"><pose>1 0 0 0 0 0</pose></camera>', []),
+    ],
+)  # fmt: skip
+def test_each_tag_without_an_effect_is_told(
+    kind: str, inside: str, told: list[str]
+) -> None:
+    robot = load(kind, inside)
+
+    assert [(e.what, e.done, e.where) for e in robot.report] == [
+        (f"<{tag}>", "it has no effect", "sensor 'front'") for tag in told
+    ]
+
+
+@pytest.mark.parametrize(
     ("topic", "base"),
     [
         ("<topic>pair</topic>", "/pair"),

@@ -256,6 +256,34 @@ def test_noise_is_the_same_with_the_same_seed() -> None:
     assert off.std() == pytest.approx(0.01, abs=4 * 0.01 / math.sqrt(2 * count))
 
 
+def test_a_bias_is_the_same_all_the_time_and_a_precision_rounds() -> None:
+    noise = "<noise type='gaussian'><bias_mean>{}</bias_mean><precision>{}</precision>"
+    robot = load(
+        shape('<sphere radius="0.5"/>'), noise=noise.format(0.2, 0.05) + "</noise>"
+    )
+    simulation = ad.Simulation(ad.build_diagram(robot))
+    first = simulation.lidar("front").ranges()
+    simulation.advance_to(0.1)
+    later = simulation.lidar("front").ranges()
+
+    seen = first[np.isfinite(first)]
+    assert first[0, 180] in (pytest.approx(1.7), pytest.approx(1.3))
+    np.testing.assert_array_equal(first, later)
+    np.testing.assert_allclose(seen / 0.05, np.round(seen / 0.05), atol=1e-9)
+    biased = {
+        round(
+            ad.Simulation(
+                ad.build_diagram(robot, options=ad.SimulationOptions(seed=seed))
+            )
+            .lidar("front")
+            .ranges()[0, 180],
+            3,
+        )
+        for seed in range(8)
+    }
+    assert biased == {1.3, 1.7}
+
+
 def test_classics_ray_sees_what_collides() -> None:
     sphere = '<sphere radius="0.5"/>'
     shapes = one("visual", sphere, xyz="1 0 0") + one("collision", sphere)
