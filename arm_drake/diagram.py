@@ -583,8 +583,9 @@ def _add_perception(
     for part, model in zip(parts, models, strict=True):
         name, prefix = part.robot.name, part.system.prefix
         seed = setting.options.seed
-        place = Place(name, plant.GetModelInstanceName(model), world.name, seed)
         manager = builder.GetSubsystemByName(f"{prefix}{MANAGER}")
+        model_name, taken = plant.GetModelInstanceName(model), _publishers(manager)
+        place = Place(name, model_name, world.name, seed, taken)
         manager.sensors = add_sensors(
             builder,
             scene_graph,
@@ -596,6 +597,16 @@ def _add_perception(
             logged,
             setting.options.log_image_format,
         )
+
+
+def _publishers(manager: ControllerManager) -> dict[str, tuple[str, None]]:
+    """Return which controllers publish on topics with a name of their own."""
+    return {
+        system.get_output_port(index).get_name(): (system.params.controller_name, None)
+        for system in (controller.system for controller in manager.controllers)
+        if system is not None
+        for index in range(system.num_output_ports())
+    }
 
 
 def _add_meshcat(

@@ -100,6 +100,13 @@ class Noise:
     mean: float = 0.0
     stddev: float = 0.0
 
+    # Of an error that a lidar has all the time, to either side.
+    bias_mean: float = 0.0
+    bias_stddev: float = 0.0
+
+    # A lidar tells multiples of it; 0 is any.
+    precision: float = 0.0
+
 
 @dc.dataclass(frozen=True)
 class PerceptionSensor:
@@ -347,6 +354,11 @@ class _SensorReader(ElementReader):
                 what = f"its frame {each!r} is no link; {suggest(each, links)}"
                 done = "its messages name it all the same"
                 self.note("warning", "missing", what, done)
+        kind = attribute(element, "type")
+        known = _TAGS | (_CAMERA_TAGS if kind in _CAMERA_KINDS else _LIDAR_TAGS)
+        self._check_tags(
+            element, known | ({"camera/pose"} if kind == "multicamera" else set()), ""
+        )
         return PerceptionSensor(
             name=name or link,
             link=link,
@@ -358,6 +370,15 @@ class _SensorReader(ElementReader):
             noise=self._noise(element),
             visualize=text_of(element, "visualize") in ("true", "1"),
         )
+
+    def _check_tags(self, parent: ET.Element, known: Collection[str], at: str) -> None:
+        """Report what has no effect below an element."""
+        for child in parent:
+            path = f"{at}{child.tag}"
+            if path not in known:
+                self.note("info", "ignored", f"<{path}>", "it has no effect")
+            elif child.tag not in ("plugin", "pose"):
+                self._check_tags(child, known, f"{path}/")
 
     def value(
         self,
@@ -394,9 +415,14 @@ class _SensorReader(ElementReader):
             self.expected("noise type", expected, kind)
         if kind not in ("gaussian", "gaussian_quantized"):
             return Noise()
-        return Noise(
-            self.value(noise, "mean", 0.0), self.value(noise, "stddev", 0.0, least=0.0)
-        )
+        mean = self.value(noise, "mean", 0.0)
+        stddev = self.value(noise, "stddev", 0.0, least=0.0)
+        if attribute(element, "type") in _CAMERA_KINDS:
+            return Noise(mean, stddev)
+        bias = self.value(noise, "bias_mean", 0.0)
+        bias_stddev = self.value(noise, "bias_stddev", 0.0, least=0.0)
+        precision = self.value(noise, "precision", 0.0, least=0.0)
+        return Noise(mean, stddev, bias, bias_stddev, precision)
 
     def cameras(
         self, element: ET.Element, common: PerceptionSensor
@@ -728,6 +754,40 @@ _CAMERA_KINDS: Final[Mapping[str, CameraKind]] = {
 _Read = Callable[
     [_SensorReader, ET.Element, PerceptionSensor], Iterator[PerceptionSensor]
 ]
+
+# Tags that are read, or whose default is what is done here.
+_TAGS: Final = frozenset(
+    {"always_on", "update_rate", "topic", "visualize", "pose", "plugin", *_FRAME_TAGS}
+)
+
+
+def _paths(top: str, children: Mapping[str, str]) -> set[str]:
+    """Return the paths of tags below one, from the names of children by path."""
+    below = [f"{k}/{name}" for k, names in children.items() for name in names.split()]
+    return {top} | {f"{top}/{path.strip('/')}" for path in below}
+
+
+_CAMERA_TAGS: Final = _paths(
+    "camera",
+    {
+        "": "horizontal_fov image clip noise distortion lens depth_camera",
+        "image": "width height format",
+        "clip": "near far",
+        "noise": "type mean stddev",
+        "distortion": "k1 k2 k3 p1 p2 center",
+        **{"lens": "type intrinsics", "lens/intrinsics": "fx fy cx cy s"},
+        **{"depth_camera": "clip", "depth_camera/clip": "near far"},
+    },
+) | {f"camera/{name}" for name in ("optical_frame_id", "camera_info_topic")}
+_AXIS: Final = "samples resolution min_angle max_angle"
+_RAYS: Final = {
+    "": "scan range noise",
+    "scan": "horizontal vertical",
+    **{"scan/horizontal": _AXIS, "scan/vertical": _AXIS},
+    "range": "min max resolution",
+    "noise": "type mean stddev bias_mean bias_stddev precision",
+}
+_LIDAR_TAGS: Final = _paths("lidar", _RAYS) | _paths("ray", _RAYS)
 
 # What reads a `<sensor>`, by its type.
 _READERS: Final[Mapping[str, _Read]] = {

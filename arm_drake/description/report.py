@@ -183,13 +183,15 @@ class LoadReport:
 
 
 # Places are written "link 'elbow'", "ros2_control 'arm', joint 'elbow'" and so on.
-_PLACE = re.compile(r"(link|joint|material|ros2_control) '([^']*)'")
+_PLACE = re.compile(r"(link|joint|material|ros2_control|sensor) '([^']*)'")
 
 _TAG = re.compile(
-    r"<(link|joint|material|ros2_control)\b[^>]*?\bname\s*=\s*(?:\"([^\"]+)\"|'([^']+)')"
+    r"<(link|joint|material|ros2_control|sensor)\b[^>]*?"
+    r"\bname\s*=\s*(?:\"([^\"]+)\"|'([^']+)')"
 )
 
-# Joints in such blocks aren't those of the URDF.
+# Joints in such blocks aren't those of the URDF; of Gazebo's the sensors are meant.
+_NO_SENSOR = re.compile(r"<(?!sensor\b)")
 _BLOCK = re.compile(
     r"(<(ros2_control|transmission|gazebo)(?=[\s>])(?:\"[^\"]*\"|'[^']*'|[^>\"'])*(?<!/)>)"
     r"(.*?)</\2\s*>",
@@ -239,6 +241,12 @@ def find_place(
     return find
 
 
+def _without_joints(block: re.Match[str]) -> str:
+    if block[2] == "gazebo":
+        return block[1] + _NO_SENSOR.sub("", block[3])
+    return block[1] + "\n" * block[3].count("\n")
+
+
 def _tags(path: Path) -> Iterable[tuple[str, str, int]]:
     """Yield kind, name and line of the tags that have places."""
     try:
@@ -246,7 +254,7 @@ def _tags(path: Path) -> Iterable[tuple[str, str, int]]:
     except OSError:
         return
     text = _COMMENT.sub(lambda comment: "\n" * comment[0].count("\n"), text)
-    text = _BLOCK.sub(lambda block: block[1] + "\n" * block[3].count("\n"), text)
+    text = _BLOCK.sub(_without_joints, text)
     line, end = 1, 0
     for match in _TAG.finditer(text):
         line, end = line + text.count("\n", end, match.start()), match.start()

@@ -305,6 +305,12 @@ class Header(Message):
         return header
 
 
+def stamp_of(message: Any) -> int:
+    """Return when a message holds [ns]; 0 if it has no header."""
+    header = getattr(message, "header", None)
+    return header.stamp.to_nanoseconds() if header else 0
+
+
 @dc.dataclass(frozen=True)
 class JointState(Message):
     """State of a set of joints, N of them (`sensor_msgs/JointState`)."""

@@ -40,6 +40,7 @@ from arm_drake.perception.images import (
     make_cloud,
     make_image,
     project,
+    to_png,
 )
 from arm_drake.perception.scenery import RENDERER, Scenery
 from arm_drake.perception.sensors import (
@@ -76,6 +77,8 @@ def topics_of(camera: CameraSensor, robot: str, world: str) -> dict[str, str]:
     if camera.part:
         place += f"/{camera.part}"
     own = camera.topic
+    if camera.part and own:
+        own = f"{own}/{camera.part}/image"
     if camera.kind == "rgbd":
         base = own or place
         ends = ("image", "depth_image", "points", "camera_info")
@@ -551,6 +554,18 @@ class CameraHandle(SensorHandle):
         self.labels()
         return self._camera.label_names
 
+    @property
+    def label_colors(self) -> dict[str, tuple[int, int, int]]:
+        """Colours of what is seen in its picture of "labels", by name.
+
+        Raises:
+            ArmDrakeError: As `color`.
+        """
+        seen = np.unique(self.labels())
+        names = self._camera.label_names
+        colors = color_labels(seen).tolist()
+        return {names[n]: (r, g, b) for n, (r, g, b) in zip(seen, colors, strict=True)}
+
     def points(self, frame: str = "world") -> NDArray[np.float64]:
         """Return the points that are seen [m], shape (n, 3), row by row.
 
@@ -585,6 +600,10 @@ class CameraHandle(SensorHandle):
         return (
             color_labels(pixels) if pixels.dtype == np.uint16 else color_depths(pixels)
         )
+
+    def _repr_png_(self) -> bytes:
+        """Return what notebooks show of it."""
+        return to_png(self.image())
 
     def _take(self, kind: str) -> Any:
         if not self.has(kind):

@@ -1,5 +1,6 @@
 """Messages of pictures and points as arrays, and as pictures that people look at."""
 
+import functools
 import io
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_drake.description.meshes.surfaces import linear
 from arm_drake.errors import InputError
 from arm_drake.messages import CompressedImage, Header, Image, PointCloud2, PointField
 from arm_drake.output_files import writing
@@ -26,6 +28,15 @@ ENCODINGS: Final[Mapping[str, tuple[int, str]]] = {
 _MONO: Final = ("mono8", "8UC1")
 
 _LUMA: Final = np.array([0.299, 0.587, 0.114])
+
+# From linear red, green and blue to CIE XYZ (IEC 61966-2-1).
+_XYZ: Final = np.array(
+    [[0.4124, 0.2126, 0.0193], [0.3576, 0.7152, 0.1192], [0.1805, 0.0722, 0.9505]]
+)
+
+# Darker and grayer colours label nothing: in L*, and in a* and b*.
+_DARK: Final = 25.0
+_GRAY: Final = 25.0
 
 _POINT_FIELDS: Final = tuple(
     PointField(name, 4 * index) for index, name in enumerate(("x", "y", "z", "rgb"))
@@ -129,11 +140,35 @@ def depth_range(depths: NDArray[Any]) -> tuple[float, float]:
 
 
 def color_labels(labels: NDArray[Any]) -> NDArray[np.uint8]:
-    """Return a colour for each label, black for 0."""
-    hues = (labels.astype(np.float64) * 0.61803398875) % 1.0
-    colors = _SCALE[np.round(255.0 * hues).astype(int)]
-    colors[labels == 0] = 0
-    return colors
+    """Return a colour for each label, black for 0; the 256th has that of the first."""
+    palette = _make_palette()
+    names = np.arange(int(labels.max(initial=0)) + 1)
+    colors = palette[(names - 1) % len(palette)]
+    colors[0] = 0
+    return colors[labels]
+
+
+@functools.cache
+def _make_palette() -> NDArray[np.uint8]:
+    """Return 255 colours, shape (255, 3), the first of which differ most.
+
+    Each is the one in a grid that is farthest from black, from white and from those
+    before it, in CIE 1976 (L*, a*, b*); grays are left to what isn't labelled.
+    """
+    steps = np.linspace(0.0, 1.0, 9)
+    grid = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1)
+    colors = np.vstack([[[0.0] * 3, [1.0] * 3], grid.reshape(-1, 3)])
+    xyz = linear(colors) @ _XYZ / _XYZ.sum(axis=0)
+    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16.0 / 116.0)
+    x, y, z = f.T
+    lab = np.column_stack([116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)])
+    is_vivid = (lab[:, 0] > _DARK) & (np.hypot(lab[:, 1], lab[:, 2]) > _GRAY)
+    away = np.linalg.norm(lab[:, None] - lab[:2], axis=2).min(axis=1)
+    chosen = []
+    for _ in range(255):
+        chosen.append(int(np.where(is_vivid, away, -1.0).argmax()))
+        away = np.minimum(away, np.linalg.norm(lab - lab[chosen[-1]], axis=1))
+    return np.round(255.0 * colors[chosen]).astype(np.uint8)
 
 
 def to_millimetres(depths: NDArray[Any]) -> NDArray[np.uint16]:
@@ -223,6 +258,15 @@ def to_colors(cloud: PointCloud2) -> NDArray[np.uint8] | None:
     packed = numbers[..., 3]
     shifts = np.array([16, 8, 0], np.uint32)
     return ((packed[..., None] >> shifts) & 255).astype(np.uint8)
+
+
+def to_png(pixels: NDArray[np.uint8]) -> bytes:
+    """Return red, green and blue, shape (height, width, 3), as a file."""
+    from PIL import Image as Picture  # Large, and seldom wanted.
+
+    file = io.BytesIO()
+    Picture.fromarray(pixels).save(file, "png")
+    return file.getvalue()
 
 
 def save_image(pixels: NDArray[np.uint8], path: Path) -> None:

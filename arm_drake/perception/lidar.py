@@ -14,24 +14,17 @@ import itertools
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.geometry import (
-    Box,
-    Capsule,
     Convex,
-    Cylinder,
-    Ellipsoid,
     GeometryId,
-    HalfSpace,
     Mesh,
     QueryObject,
     Role,
     SceneGraphInspector,
-    Shape,
-    Sphere,
 )
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
@@ -42,6 +35,7 @@ from arm_drake.description.meshes.reading import read_bytes, read_surfaces
 from arm_drake.description.perception_sensors import (
     OUTPUT_TYPES,
     LidarSensor,
+    Noise,
     ScanAxis,
 )
 from arm_drake.errors import ArmDrakeError, InputError
@@ -55,7 +49,7 @@ from arm_drake.messages import (
     Range,
 )
 from arm_drake.perception.images import make_ray_cloud
-from arm_drake.perception.scenery import Scenery
+from arm_drake.perception.scenery import Scenery, make_surface
 from arm_drake.perception.sensors import (
     Place,
     SensorHandle,
@@ -63,17 +57,8 @@ from arm_drake.perception.sensors import (
     find_classic_topics,
 )
 
-if TYPE_CHECKING:
-    import trimesh
-
 # Sides of what stands for a circle: of a radius of 1 m it is 0.1 mm off at most.
 _SIDES: Final = 224
-
-# A sphere of 20,480 triangles; they are 0.2 mm off at most, of a radius of 1 m.
-_SUBDIVISIONS: Final = 5
-
-# Half of the side of the square that stands for a plane without an end [m].
-_HORIZON: Final = 1000.0
 
 # What Classic's plugin tells, by the class of its messages.
 _CLASSIC_OUTPUTS: Final[Mapping[str, str]] = dict(
@@ -327,7 +312,8 @@ def _triangles(inspector: SceneGraphInspector, geometry: GeometryId) -> Array:
     elif isinstance(shape, Mesh):
         triangles = _read_mesh(shape)
     else:
-        triangles = np.array(_make_mesh(shape).triangles)
+        surface = make_surface(shape, _SIDES)
+        triangles = surface.vertices[surface.faces]
     placed = triangles @ X_FG.rotation().matrix().T + X_FG.translation()
     return np.asarray(placed)
 
@@ -338,34 +324,6 @@ def _read_mesh(shape: Mesh) -> Array:
     surfaces = read_surfaces(path, read_bytes(path), scale, [])
     found = [surface.vertices[surface.faces] for surface in surfaces]
     return np.concatenate([np.zeros((0, 3, 3)), *found])
-
-
-def _make_mesh(shape: Shape) -> "trimesh.Trimesh":
-    """Return the surface of a shape that has no file."""
-    import trimesh
-    from trimesh import creation
-
-    if isinstance(shape, Box):
-        return creation.box(shape.size())
-    if isinstance(shape, HalfSpace):
-        size = 2.0 * _HORIZON
-        plane = creation.box((size, size, size))
-        return plane.apply_translation((0.0, 0.0, -_HORIZON))
-    if isinstance(shape, Cylinder):
-        radius, length = shape.radius(), shape.length()
-        return creation.cylinder(radius, length, sections=_SIDES)
-    if isinstance(shape, Capsule):
-        counts = (_SIDES, _SIDES)
-        radius, length = shape.radius(), shape.length()
-        capsule = creation.capsule(length, radius, count=counts)
-        middle = capsule.bounds.mean(axis=0)
-        return capsule.apply_translation(-middle)
-    ball = creation.icosphere(_SUBDIVISIONS)
-    if isinstance(shape, Sphere):
-        return ball.apply_scale(shape.radius())
-    if isinstance(shape, Ellipsoid):
-        return ball.apply_scale((shape.a(), shape.b(), shape.c()))
-    return trimesh.Trimesh()
 
 
 class Lidar(SensorSystem):
@@ -435,14 +393,23 @@ class Lidar(SensorSystem):
         ranges = scenes[role].cast(
             query, X_WS.translation(), ways, sensor.range_min, sensor.range_max
         )
-        noise = sensor.noise
-        if noise.stddev or noise.mean:
+        if sensor.noise != Noise():
             # What isn't there has no noise.
-            random = self._random(context)
-            noisy = ranges + random.normal(noise.mean, noise.stddev, ranges.shape)
+            noisy = self._add_noise(context, ranges)
             limited = np.clip(noisy, sensor.range_min, sensor.range_max)
             ranges = np.where(np.isfinite(ranges), limited, ranges)
         return ranges.reshape(shape)
+
+    def _add_noise(self, context: Context, ranges: Array) -> Array:
+        """Return distances [m] as Gazebo's `GaussianNoiseModel` has them."""
+        noise, random = self.sensor.noise, self._random(context)
+        fixed = np.random.default_rng(self._seed)
+        bias = fixed.normal(noise.bias_mean, noise.bias_stddev) * fixed.choice((-1, 1))
+        noisy = ranges + random.normal(noise.mean, noise.stddev, ranges.shape) + bias
+        if noise.precision:
+            with np.errstate(invalid="ignore"):
+                noisy = np.round(noisy / noise.precision) * noise.precision
+        return np.asarray(noisy)
 
     def _make_scan(self, context: Context) -> LaserScan:
         ranges, sensor = self.ranges(context), self.sensor

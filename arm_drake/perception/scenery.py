@@ -6,22 +6,30 @@ what was loaded. A picture depends on the poses of that moment alone.
 """
 
 import ctypes
+import dataclasses as dc
 import functools
+import itertools
+import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from pydrake.common import MemoryFile
 from pydrake.geometry import (
+    Box,
+    Capsule,
     ColorRenderCamera,
+    Cylinder,
     DepthRenderCamera,
+    Ellipsoid,
     FrameId,
     FramePoseVector,
     GeometryFrame,
     GeometryId,
     GeometryInstance,
+    HalfSpace,
     InMemoryMesh,
     LightParameter,
     MakeRenderEngineVtk,
@@ -36,6 +44,7 @@ from pydrake.geometry import (
     SceneGraphInspector,
     Shape,
     SourceId,
+    Sphere,
 )
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
@@ -47,6 +56,7 @@ from arm_drake.description.meshes.surfaces import (
     encode_gltf,
     join,
     move,
+    to_linear,
 )
 from arm_drake.errors import ArmDrakeError
 from arm_drake.worlds.lights import DAYLIGHT, Light
@@ -56,16 +66,41 @@ RENDERER: Final = "arm_drake"
 # Library that Drake's renderer opens on Linux.
 _EGL: Final = "libEGL.so.1"
 
+# EGL_PLATFORM_DEVICE_EXT, and of how many devices it is asked.
+_PLATFORM_DEVICE: Final = 0x313F
+_MOST_DEVICES: Final = 64
+
 # Side of the square in which shadows are computed [pixels].
 _SHADOW_SIZE: Final = 1024
 
-# The renderer's physical materials reflect a part of the light to each side.
-_BRIGHTNESS: Final = 2.6
+# A matt material of the renderer shines with this part of the light that it gets.
+_BRIGHTNESS: Final = math.pi
+
+# Sides of what stands for a circle: of a radius of 1 m it is 0.5 mm off at most.
+_SIDES: Final = 96
+
+# Half of the side of the square that stands for a plane without an end [m].
+_HORIZON: Final = 1000.0
+
+# Corners of a box by x, then y, then z.
+_BOX_FACES: Final = np.array(
+    [
+        *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]),
+        *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
+    ]
+)
 
 # Label of what is nothing: sky.
 NOTHING: Final = 0
 
 _WHITE: Final = (1.0, 1.0, 1.0, 1.0)
+
+# Colour of what has none.
+_GRAY: Final = Rgba(0.7, 0.7, 0.7)
+
+# Shapes that are drawn as meshes, and the property of those that have a texture.
+_SOLIDS: Final = (Box, Capsule, Cylinder, Ellipsoid, Sphere)
+_TEXTURE: Final = ("phong", "diffuse_map")
 
 # Colour behind everything where the world names none.
 SKY: Final = (0.7, 0.7, 0.7)
@@ -152,7 +187,7 @@ class Scenery:
         for index, (shape, pose, color) in enumerate(marks):
             instance = GeometryInstance(pose, shape, f"mark_{index}")
             properties = PerceptionProperties()
-            properties.AddProperty("phong", "diffuse", color)
+            properties.AddProperty("phong", "diffuse", _to_linear(color))
             properties.AddProperty("label", "id", RenderLabel(self._label("mark")))
             instance.set_perception_properties(properties)
             world = scene_graph.world_frame_id()
@@ -248,6 +283,9 @@ class Scenery:
             properties = copy.mutable_perception_properties()
             label = RenderLabel(self._label(owner))
             properties.UpdateProperty("label", "id", label)
+            if properties.HasProperty("phong", "diffuse"):
+                color = _to_linear(properties.GetProperty("phong", "diffuse"))
+                properties.UpdateProperty("phong", "diffuse", color)
             only_seen.set_perception_properties(properties)
             copies.append(only_seen)
         return copies
@@ -263,7 +301,7 @@ class Scenery:
         return RenderEngineVtkParams(
             backend="EGL" if sys.platform == "linux" else "",
             default_clear_color=np.array(background),
-            default_diffuse=np.array([0.7, 0.7, 0.7, 1.0]),
+            default_diffuse=np.array(_to_linear(_GRAY).rgba),
             lights=[_make_light(light) for light in self._lights],
             cast_shadows=any(light.cast_shadows for light in self._lights),
             shadow_map_size=_SHADOW_SIZE,
@@ -272,33 +310,42 @@ class Scenery:
         )
 
 
+def _to_linear(color: Rgba) -> Rgba:
+    """Return a colour as physical materials take it, as those of glTF files are."""
+    return Rgba(*to_linear((color.r(), color.g(), color.b(), color.a())))
+
+
 def _join(copies: Sequence[GeometryInstance]) -> list[GeometryInstance]:
     """Return the shapes of a frame, with one mesh in place of many.
 
     A picture takes time for each mesh and each of its materials, several times as long
     with shadows. What is seen through is one mesh more, and its parts have materials of
-    their own. Meshes with textures stay as they are, as do those of others.
+    their own. Meshes with textures stay as they are, as do those of others. Shapes
+    become meshes, too: the renderer would have them shine, whatever their colour is.
     """
     rest: list[GeometryInstance] = []
     surfaces: list[Surface] = []
     for copy in copies:
-        found = _read(copy.shape())
+        found = _read(copy)
         if not found:
             rest.append(copy)
             continue
         matrix = copy.pose().GetAsMatrix34()
-        matrix = matrix @ np.diag([*copy.shape().scale3(), 1.0])
+        if isinstance(copy.shape(), Mesh):
+            matrix = matrix @ np.diag([*copy.shape().scale3(), 1.0])
         surfaces += [move(surface, matrix) for surface in found]
-    if len(surfaces) < 2:
+    if len(surfaces) < 2 and all(isinstance(c.shape(), Mesh) for c in copies):
         return list(copies)
     clear = [surface for surface in surfaces if not _is_opaque(surface)]
     opaque = [surface for surface in surfaces if _is_opaque(surface)]
-    joined = {"opaque": [join(opaque)] if opaque else [], "clear": clear}
-    made = [_make_mesh(parts, name) for name, parts in joined.items() if parts]
+    # Colours by vertex take a shader of their own.
+    opaque = [join(opaque)] if len(opaque) > 1 else opaque
+    joined = {"opaque": opaque, "clear": clear}
+    made = [_to_gltf(parts, name) for name, parts in joined.items() if parts]
     return [*made, *rest]
 
 
-def _make_mesh(surfaces: list[Surface], name: str) -> GeometryInstance:
+def _to_gltf(surfaces: list[Surface], name: str) -> GeometryInstance:
     file = MemoryFile(encode_gltf(surfaces, _WHITE), ".gltf", name)
     mesh = Mesh(InMemoryMesh(mesh_file=file), 1.0)
     made = GeometryInstance(RigidTransform(), mesh, name)
@@ -308,13 +355,84 @@ def _make_mesh(surfaces: list[Surface], name: str) -> GeometryInstance:
     return made
 
 
-def _read(shape: Shape) -> list[Surface]:
-    """Return the surfaces of a mesh if it can be taken apart."""
-    if not isinstance(shape, Mesh) or min(shape.scale3()) <= 0.0:
+def _read(copy: GeometryInstance) -> list[Surface]:
+    """Return the surfaces of a shape if it can be taken apart."""
+    shape, properties = copy.shape(), copy.perception_properties()
+    if not isinstance(shape, Mesh):
+        if not isinstance(shape, _SOLIDS) or properties.HasProperty(*_TEXTURE):
+            return []
+        color = properties.GetPropertyOrDefault("phong", "diffuse", _to_linear(_GRAY))
+        rgba = (color.r(), color.g(), color.b(), color.a())
+        return [dc.replace(make_surface(shape, _SIDES), color=rgba)]
+    if min(shape.scale3()) <= 0.0:
         return []
     path = Path(str(shape.source().path()))
     surfaces = decode_gltf(path.read_bytes()) if path.suffix == ".gltf" else []
     return surfaces if all(surface.uv is None for surface in surfaces) else []
+
+
+def make_surface(shape: Shape, sides: int) -> Surface:
+    """Return the surface of a shape that has no file, circles with a number of sides.
+
+    Of a shape that isn't known it is empty.
+    """
+    if isinstance(shape, HalfSpace):
+        size = 2.0 * _HORIZON
+        surface = make_surface(Box(size, size, size), sides)
+        return dc.replace(surface, vertices=surface.vertices - [0.0, 0.0, _HORIZON])
+    if isinstance(shape, Box):
+        corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
+        return Surface(corners * shape.size(), _BOX_FACES)
+    if isinstance(shape, Cylinder):
+        r, h = shape.radius(), shape.length() / 2.0
+        rings = np.array([[0.0, -h], [r, -h], [r, h], [0.0, h]])
+        normals = np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+        parts = [(rings[k : k + 2], normals[[k, k]]) for k in range(3)]
+        return _revolve(parts, sides)
+    angles = np.linspace(-np.pi / 2.0, np.pi / 2.0, sides // 4 * 2 + 2)
+    ways = np.column_stack([np.cos(angles), np.sin(angles)])
+    ways[[0, -1], 0] = 0.0
+    if isinstance(shape, Sphere | Capsule):
+        length = shape.length() if isinstance(shape, Capsule) else 0.0
+        ends = np.sign(ways[:, 1]) * length / 2.0
+        return _revolve(
+            [(shape.radius() * ways + np.column_stack([0.0 * ends, ends]), ways)], sides
+        )
+    if isinstance(shape, Ellipsoid):
+        ball, axes = _revolve([(ways, ways)], sides), [shape.a(), shape.b(), shape.c()]
+        normals = ball.vertices / axes
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        return Surface(ball.vertices * axes, ball.faces, normals=normals)
+    return Surface(np.zeros((0, 3)), np.zeros((0, 3), int))
+
+
+def _revolve(parts: Sequence[tuple[Array, Array]], sides: int) -> Surface:
+    """Return what lines make that turn about the z axis, from below to above.
+
+    Of each there are points, radii and heights, and the normals, shape (n, 2) both.
+    """
+    turns = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)
+    around = np.column_stack([np.cos(turns), np.sin(turns)])
+    vertices: list[Array] = []
+    normals: list[Array] = []
+    faces: list[Array] = []
+    start = 0
+    for points, ways in parts:
+        for rows, found in ((points, vertices), (ways, normals)):
+            ring = rows[:, None, :1] * around
+            height = np.broadcast_to(rows[:, None, 1:], (*ring.shape[:2], 1))
+            found.append(np.concatenate([ring, height], axis=2).reshape(-1, 3))
+        k, n = np.mgrid[: len(points) - 1, :sides]
+        a, b = start + k * sides + n, start + k * sides + (n + 1) % sides
+        lower = np.stack([a, b, b + sides], axis=-1)[points[:-1, 0] > 0.0]
+        upper = np.stack([a, b + sides, a + sides], axis=-1)[points[1:, 0] > 0.0]
+        faces += [lower.reshape(-1, 3), upper.reshape(-1, 3)]
+        start += len(points) * sides
+    return Surface(
+        np.concatenate(vertices),
+        np.concatenate(faces),
+        normals=np.concatenate(normals),
+    )
 
 
 def _is_opaque(surface: Surface) -> bool:
@@ -327,10 +445,10 @@ def require_renderer() -> None:
     """Raise ArmDrakeError if the libraries that Drake's renderer opens are missing."""
     try:
         _egl()
-    except OSError:
+    except OSError as error:
         raise ArmDrakeError(
-            f"pictures of cameras need EGL, and {_EGL} isn't there; Debian and Ubuntu "
-            "have it in a package: apt-get install libegl1 libgl1-mesa-dri"
+            f"pictures of cameras need OpenGL by EGL: {error}; Debian and Ubuntu have "
+            "what is needed in packages: apt-get install libegl1 libgl1-mesa-dri"
         ) from None
 
 
@@ -343,8 +461,35 @@ def _let_go() -> None:
 
 @functools.cache
 def _egl() -> ctypes.CDLL | None:
-    """Return the library that Drake's renderer opens on Linux, or raise OSError."""
-    return ctypes.CDLL(_EGL) if sys.platform == "linux" else None
+    """Return the library that Drake's renderer opens on Linux, or raise OSError.
+
+    Without a driver the renderer would end the process. What is initialised here it
+    needn't initialise again.
+    """
+    if sys.platform != "linux":
+        return None
+    egl = ctypes.CDLL(_EGL)
+    if not any(egl.eglInitialize(display, None, None) for display in _displays(egl)):
+        raise OSError(f"{_EGL} has no driver that draws")
+    return egl
+
+
+def _displays(egl: ctypes.CDLL) -> Iterator[ctypes.c_void_p]:
+    """Yield where the renderer may draw: on each device, or where EGL chooses to."""
+    pointer, integer = ctypes.c_void_p, ctypes.c_int
+    egl.eglGetProcAddress.restype = egl.eglGetDisplay.restype = pointer
+    query, find = map(
+        egl.eglGetProcAddress, (b"eglQueryDevicesEXT", b"eglGetPlatformDisplayEXT")
+    )
+    if not query or not find:
+        yield pointer(egl.eglGetDisplay(None))
+        return
+    array, count = (pointer * _MOST_DEVICES)(), integer()
+    kind = ctypes.CFUNCTYPE(integer, integer, pointer, pointer)
+    kind(query)(_MOST_DEVICES, array, ctypes.byref(count))
+    make = ctypes.CFUNCTYPE(pointer, integer, pointer, pointer)(find)
+    for device in array[: count.value]:
+        yield pointer(make(_PLATFORM_DEVICE, device, None))
 
 
 def _make_light(light: Light) -> LightParameter:

@@ -6,6 +6,7 @@ import importlib
 import math
 import zlib
 from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, Final, NamedTuple, TypeVar, get_args
 
 import numpy as np
@@ -54,6 +55,9 @@ class Place(NamedTuple):
     # Seed of its noise.
     seed: int = 0
 
+    # Topics that others publish on, with the first one's name and class of messages.
+    taken: Mapping[str, tuple[str, type | None]] = MappingProxyType({})
+
 
 class SensorParams(NamedTuple):
     """What topics want to know of who publishes them."""
@@ -68,8 +72,9 @@ class SensorSystem(PythonSystem):
     """A camera or lidar: what it has in common with others.
 
     It has no state: whenever it is asked, it tells what is there then, and nothing is
-    computed that nobody reads. There is an output port for each of its `topics`, and
-    the classes of their messages are in `output_types`.
+    computed that nobody reads. There is an output port for each of its `topics`, called
+    as the topic is, or `<topic>:<sensor>` where others publish on it, too; the classes
+    of their messages are in `output_types`.
 
     Drake tells whatever depends on the time or on poses at each step that these have
     changed, and a step of a small robot is little more than that. So nothing here
@@ -113,6 +118,7 @@ class SensorSystem(PythonSystem):
         entry = self.DeclareCacheEntry("measured", forget, {self._query.ticket()})
         self._measured = int(entry.cache_index())
         self.output_types: dict[str, type[Message]] = {}
+        self._taken = place.taken
 
     @property
     @abc.abstractmethod
@@ -122,11 +128,18 @@ class SensorSystem(PythonSystem):
     def _declare_topics(self) -> None:
         for number, (key, topic) in enumerate(self.topics.items(), start=1):
             kind, make = self._makers[key]
-            self.output_types[topic] = kind
-            self._declare(topic, make)
+            is_shared = topic in self._taken or topic in self.output_types
+            port = f"{topic}:{self.params.controller_name}" if is_shared else topic
+            self.output_types[port] = kind
+            self._declare(port, make)
             # Of cache entries of a system each has the number after the last one's.
             entry = self.get_cache_entry(CacheIndex(self._measured + number))
             entry.disable_caching_by_default()
+
+    @staticmethod
+    def topic_of(port: str) -> str:
+        """Return the topic of an output port."""
+        return port.partition(":")[0]
 
     def _declare(self, topic: str, make: Any) -> None:
         def calc(context: Context, output: AbstractValue) -> None:
@@ -280,11 +293,13 @@ class SensorLog(PythonSystem):
         self.topics = tuple(sensor.output_types)
         self._image_format = image_format
         pictures = {sensor.topics.get(name) for name in ("image", "colored_map")}
-        is_file = [image_format != "raw" and topic in pictures for topic in self.topics]
-        self._is_file = tuple(is_file)
+        if image_format == "raw":
+            pictures = set()
+        names = list(map(SensorSystem.topic_of, self.topics))
+        self._is_file = tuple(name in pictures for name in names)
         self._names = tuple(
-            f"/{prefix}{topic.lstrip('/')}{'/compressed' if is_file else ''}"
-            for topic, is_file in zip(self.topics, self._is_file, strict=True)
+            f"/{prefix}{name.lstrip('/')}{'/compressed' if is_file else ''}"
+            for name, is_file in zip(names, self._is_file, strict=True)
         )
         for topic in self.topics:
             self.DeclareAbstractInputPort(topic, AbstractValue.Make(()))
@@ -354,30 +369,30 @@ def add_sensors(
 ) -> tuple[LeafSystem, ...]:
     """Add the cameras and lidars of a robot, and export their topics.
 
-    A topic has one publisher. They compute nothing that nobody reads; the log of those
-    whose names, with the prefix, are in `logged` reads them, and has their pictures in
-    a format, as `SimulationOptions.log_image_format`.
+    They compute nothing that nobody reads; the log of those whose names, with the
+    prefix, are in `logged` reads them, and has their pictures in a format, as
+    `SimulationOptions.log_image_format`.
     """
     systems: list[LeafSystem] = []
-    publishers: dict[str, str] = {}
+    publishers = dict(place.taken)
     query = scene_graph.GetOutputPort("query")
     for sensor in robot.description.perception_sensors:
         if type(sensor) not in SENSORS:
             continue
         module, _, name = SENSORS[type(sensor)].partition(":")
         make: Any = getattr(importlib.import_module(module), name)
-        system = make(sensor, place, scenery)
+        system = make(sensor, place._replace(taken=publishers), scenery)
         builder.AddNamedSystem(f"{prefix}sensor:{sensor.name}", system)
         builder.Connect(query, system.GetInputPort("geometry_query"))
-        for topic in system.output_types:
-            exported = with_prefix(prefix, topic)
-            first = publishers.setdefault(topic, sensor.name)
-            if first == sensor.name:
-                builder.ExportOutput(system.GetOutputPort(topic), exported)
-                continue
-            what = f"{first!r} and {sensor.name!r} publish on the topic {topic!r}"
-            done = f"what {first!r} publishes is there"
-            report.add("warning", "unsupported", what, done, where="sensors")
+        for port, kind in system.output_types.items():
+            builder.ExportOutput(system.GetOutputPort(port), with_prefix(prefix, port))
+            topic = system.topic_of(port)
+            first, other = publishers.setdefault(topic, (sensor.name, kind))
+            if kind is not other:
+                names = f"{first!r} and {sensor.name!r}"
+                what = f"{names} publish messages of two types on the topic {topic!r}"
+                done = f"what {first!r} publishes is there"
+                report.add("warning", "unsupported", what, done, where="sensors")
         systems.append(system)
         if f"{prefix}{sensor.name}" in logged:
             name = log_name(prefix, sensor.name)
@@ -496,9 +511,12 @@ def _check_camera(
         raise InputError(problem, where=where)
     if kind not in (kinds := get_args(CameraKind)):
         raise InputError(f"kind {kind!r}; {suggest(str(kind), kinds)}", where=where)
-    numbers = [float(number) for number in pose]
+    try:
+        numbers = [] if isinstance(pose, str) else [float(number) for number in pose]
+    except (TypeError, ValueError, OverflowError):
+        numbers = []
     if len(numbers) != 6 or not all(map(math.isfinite, numbers)):
-        problem = f"pose: expected x, y, z [m], roll, pitch, yaw [rad], got {pose}"
+        problem = f"pose: expected x, y, z [m], roll, pitch, yaw [rad], got {pose!r}"
         raise InputError(problem, where=where)
     x, y, z, roll, pitch, yaw = numbers
     return (x, y, z, roll, pitch, yaw)

@@ -48,7 +48,7 @@ from arm_drake.messages import (
     Twist,
     TwistStamped,
 )
-from arm_drake.messages.base import to_message
+from arm_drake.messages.base import stamp_of, to_message
 from arm_drake.simulation.directory import TopicInfo, TopicList
 from arm_drake.simulation.mailbox import GoalHandle, Mailbox
 from arm_drake.simulation.motion import StepMessage
@@ -63,6 +63,7 @@ from arm_drake.simulation.topics import (
     TopicNames,
     TopicPort,
     message_type,
+    sensor_type,
 )
 
 
@@ -327,6 +328,12 @@ class TopicHandle:
         """Names of the controllers that take its messages."""
         return tuple(port.controller for port in self._topic.inputs)
 
+    @property
+    def sensors(self) -> tuple[Any, ...]:
+        """Cameras and lidars that publish on it, in the order of `values`."""
+        outputs = self._topic.outputs
+        return tuple(port.system for port in outputs if sensor_type(port) is not None)
+
     def check(self, data: Any) -> None:
         """Raise InputError if the topic takes no such data, see `publish`.
 
@@ -383,6 +390,18 @@ class TopicHandle:
         Raises:
             InputError: If nobody publishes on it.
         """
+        values = self.values()
+        if all(isinstance(value, TFMessage) for value in values):
+            return _merge(values)
+        # Without a stamp they are all as new; the first of equals is taken.
+        return max(values, key=stamp_of)
+
+    def values(self) -> tuple[Any, ...]:
+        """Return the latest message of each that publishes on the topic.
+
+        Raises:
+            InputError: If nobody does.
+        """
         outputs = self._topic.outputs
         if not outputs:
             self._check_direction("GZ_TO_ROS", "reading")
@@ -390,13 +409,9 @@ class TopicHandle:
                 f"nobody publishes on topic {self.name!r}; "
                 f"{_list(self.controllers)} takes its messages"
             )
-        values = [
+        return tuple(
             self._mailbox.eval_output(port.exported_as(port.port)) for port in outputs
-        ]
-        if all(isinstance(value, TFMessage) for value in values):
-            return _merge(values)
-        # Without a stamp they are all as new; the first of equals is taken.
-        return max(values, key=_stamp)
+        )
 
     def _make(self, data: Any) -> list[tuple[TopicPort, str, Message]]:
         """Return a message for each controller, and on which of its ports it goes."""
@@ -484,9 +499,8 @@ def list_topics(names: TopicNames, eval_output: Callable[[str], Any]) -> TopicLi
             rows.append(TopicInfo(topic.name, kind, "input", bridged_to))
         for port in topic.outputs[:1]:
             # What cameras take only to be read has its class told.
-            output_type = getattr(port.system, "output_types", {}).get(port.port)
             kind = (
-                output_type or type(eval_output(port.exported_as(port.port)))
+                sensor_type(port) or type(eval_output(port.exported_as(port.port)))
             ).__name__
             rows.append(TopicInfo(topic.name, kind, "output", bridged_to))
     return rows
@@ -498,13 +512,8 @@ def _merge(messages: Sequence[TFMessage]) -> TFMessage:
         return messages[0]
     transforms = (transform for message in messages for transform in message.transforms)
     return TFMessage(
-        tuple({t.child_frame_id: t for t in sorted(transforms, key=_stamp)}.values())
+        tuple({t.child_frame_id: t for t in sorted(transforms, key=stamp_of)}.values())
     )
-
-
-def _stamp(message: Any) -> tuple[int, int]:
-    header = getattr(message, "header", None)
-    return (header.stamp.sec, header.stamp.nanosec) if header else (0, 0)
 
 
 def _is_sequence(data: Any) -> bool:

@@ -28,6 +28,7 @@ from arm_drake.messages import (
     JointState,
     Message,
 )
+from arm_drake.messages.base import stamp_of
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.contact import CONTACT_LOG, Shape
 from arm_drake.plant.initial_poses import read_free_poses
@@ -215,7 +216,10 @@ def _read_sensors(
             name = log_name(manager.prefix, sensor.sensor.name)
             if diagram.HasSubsystemNamed(name):
                 log: Any = diagram.GetSubsystemByName(name)
-                found |= log.read(context, since)
+                for topic, told in log.read(context, since).items():
+                    # Of several on a topic those of a time are in the sensors' order.
+                    both = (*found.get(topic, ()), *told)
+                    found[topic] = tuple(sorted(both, key=stamp_of))
     return found
 
 

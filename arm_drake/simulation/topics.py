@@ -297,6 +297,12 @@ class TopicPort(NamedTuple):
         return with_prefix(self.manager.prefix, name)
 
 
+def sensor_type(port: TopicPort) -> type[Message] | None:
+    """Return the class of what a camera or lidar tells on a port; None of others."""
+    kind: type[Message] | None = getattr(port.system, "output_types", {}).get(port.port)
+    return kind
+
+
 class Topic(NamedTuple):
     """Who takes the messages of a topic, and who publishes them."""
 
@@ -358,11 +364,12 @@ class _RobotTopics:
         for system in self._systems():
             self._add(system)
         for sensor in manager.sensors:
-            for port in sensor.output_types:
-                topic = self._topic(port)
-                new = (*topic.outputs, TopicPort(manager, sensor, port))
-                # Of several that would publish on a topic the first one does.
-                self._topics.setdefault(_key(port), topic._replace(outputs=new))
+            for port, kind in sensor.output_types.items():
+                topic = self._topic(sensor.topic_of(port))
+                first = next(iter(topic.outputs), None)
+                if first is None or sensor_type(first) is kind:
+                    new = (*topic.outputs, TopicPort(manager, sensor, port))
+                    self._topics[_key(topic.name)] = topic._replace(outputs=new)
         self._aliases: dict[str, list[TopicAlias]] = {}
         for alias in manager.robot.topic_aliases:
             self._aliases.setdefault(_key(alias.ros_name), []).append(alias)

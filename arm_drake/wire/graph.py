@@ -47,7 +47,13 @@ from arm_drake.rollout.link_poses import (
 from arm_drake.simulation.clients import input_type
 from arm_drake.simulation.recording import read_joint_states
 from arm_drake.simulation.simulation import Simulation
-from arm_drake.simulation.topics import ACTIONS, TopicNames, TopicPort, message_type
+from arm_drake.simulation.topics import (
+    ACTIONS,
+    TopicNames,
+    TopicPort,
+    message_type,
+    sensor_type,
+)
 from arm_drake.wire.types import WireTypes, to_fields, type_of
 
 # How often a topic is told at most [Hz]: that of robot_state_publisher, and of ours.
@@ -138,8 +144,15 @@ class Topic:
         """Whether anything is told."""
         return bool(self.publisher)
 
+    # What other sensors publish on it, each in its own time; what waits is the same.
+    others: list["Topic"] = dc.field(default_factory=list)
+
     def update(self, context: Context, time: float) -> None:
         """Take note of what is new at a time [s]."""
+        for topic in (self, *self.others):
+            topic._update(context, time)
+
+    def _update(self, context: Context, time: float) -> None:
         if time < self.due or self.read is None:
             return
         if self.period:
@@ -154,6 +167,8 @@ class Topic:
     def reset(self) -> None:
         """Begin anew, as the simulation does."""
         self.due, self.last = -math.inf, None
+        for other in self.others:
+            other.reset()
 
 
 class _LastCycle:
@@ -377,6 +392,10 @@ class Graph:
             topic = Topic(found.name, "")
             if found.outputs and not self._read(topic, found.outputs[0]):
                 continue
+            for source in found.outputs[1:]:
+                other = Topic(found.name, "", waiting=topic.waiting)
+                if sensor_type(source) and self._read(other, source):
+                    topic.others.append(other)
             taken = input_type(found.inputs[0]) if found.inputs else None
             kind = None if taken is None else type_of(taken)
             if kind is not None and topic.type in ("", kind):
@@ -390,7 +409,7 @@ class Graph:
     def _read(self, topic: Topic, source: TopicPort) -> bool:
         """Have a topic read from a port; return whether it is one to be told."""
         port = self.simulation.diagram.GetOutputPort(source.exported_as(source.port))
-        made = getattr(source.system, "output_types", {}).get(source.port)
+        made = sensor_type(source)
         if made is not None:
             # A camera, which takes a picture only when somebody wants it.
             topic.period = 1.0 / source.system.params.update_rate
@@ -439,7 +458,8 @@ class Graph:
 
     def nodes(self) -> list[str]:
         """Return the names of all nodes."""
-        names = [t.publisher for t in self.topics.values()]
+        topics = [each for t in self.topics.values() for each in (t, *t.others)]
+        names = [t.publisher for t in topics]
         names += [t.subscriber for t in self.topics.values()]
         names += [s.node for s in self.services.values()]
         names += [a.node for a in self.actions.values()]

@@ -146,6 +146,57 @@ def test_what_is_taken_otherwise_is_a_warning(
     assert [s.name for s in robot.description.perception_sensors] == ["front"]
 
 
+@pytest.mark.parametrize(
+    ("kind", "inside", "told"),
+    [
+        (
+            "camera",
+            '<camera><save enabled="true"><path>x</path></save>'
+            "<noise><stddev>0.1</stddev><bias_mean>1</bias_mean></noise>"
+            "<triggered>true</triggered><pose>1 0 0 0 0 0</pose><zoom>2</zoom></camera>"
+            "<enable_metrics>true</enable_metrics>",
+            ["camera/save", "camera/noise/bias_mean", "camera/triggered", "camera/pose",
+             "camera/zoom", "enable_metrics"],
+        ),
+        ("gpu_lidar", "<lidar><noise><bias_mean>1</bias_mean></noise></lidar>", []),
+        ("ray", "<ray><visibility_mask>1</visibility_mask></ray><noise/>",
+         ["ray/visibility_mask", "noise"]),
+        ("multicamera", '<camera name="a"><pose>1 0 0 0 0 0</pose></camera>', []),
+    ],
+)  # fmt: skip
+def test_each_tag_without_an_effect_is_told(
+    kind: str, inside: str, told: list[str]
+) -> None:
+    robot = load(kind, inside)
+
+    assert [(e.what, e.done, e.where) for e in robot.report] == [
+        (f"<{tag}>", "it has no effect", "sensor 'front'") for tag in told
+    ]
+
+
+@pytest.mark.parametrize(
+    ("topic", "base"),
+    [
+        ("<topic>pair</topic>", "/pair"),
+        ("", "/world/empty/model/r/link/eye/sensor/front"),
+    ],
+)
+def test_cameras_of_a_multicamera_have_topics_of_their_own(
+    topic: str, base: str
+) -> None:
+    camera = '<camera name="{}"><image><width>32</width><height>24</height></image>'
+    both = "".join(camera.format(n) + "</camera>" for n in ("left", "right"))
+    robot = load("multicamera", topic + both)
+
+    simulation = ad.Simulation(ad.build_diagram(robot))
+
+    assert [simulation.camera(f"front_{n}").topics for n in ("left", "right")] == [
+        {key: f"{base}/{n}/{key}" for key in ("image", "camera_info")}
+        for n in ("left", "right")
+    ]
+    assert list(simulation.report) == []
+
+
 def test_a_missing_renderer_is_named_with_its_package(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -35,7 +35,7 @@ BLOCKS = """<robot name="r">
   <gazebo reference="a > b"><plugin name="p"><joint name="weld"/></plugin></gazebo>
   <gazebo reference="tip"/>
   <joint name="weld" type="fixed"/>
-  <gazebo/>
+  <gazebo><sensor type="camera" name="front"><joint name="weld"/></sensor></gazebo>
   <link name="tip"/>
 </robot>
 """
@@ -47,6 +47,7 @@ BLOCKS = """<robot name="r">
         ("joint 'weld'", 12),
         ("link 'tip'", 14),
         ("ros2_control 'arm', joint 'weld'", 4),
+        ("sensor 'front'", 13),
     ],
 )
 def test_comments_and_joints_of_other_blocks_are_not_meant(tmp_path, where, line):

@@ -2,19 +2,26 @@
 
 import concurrent.futures
 import dataclasses as dc
+import io
+import itertools
 import math
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import PIL.Image
 import pytest
 import trimesh
 from pydrake.systems.framework import CacheIndex
 
 import arm_drake as ad
 from arm_drake.errors import InputError
+from arm_drake.perception import scenery as scenery_module
 from arm_drake.perception.cameras import Camera
-from arm_drake.perception.images import to_array, to_points
+from arm_drake.perception.images import color_labels, to_array, to_points
 from arm_drake.perception.scenery import Scenery
 from tests.snippets import ROOT, read_blocks
 
@@ -98,12 +105,83 @@ def test_labels_are_names_of_links(simulation: ad.Simulation) -> None:
     assert camera.label_names[camera.labels()[120, 160]] == "r::base"
 
 
+def test_colours_of_labels_are_told_apart(simulation: ad.Simulation) -> None:
+    camera = simulation.camera("front")
+    picture, labels = camera.image("labels"), camera.labels()
+    base = camera.label_names.index("r::base")
+
+    colors = color_labels(np.arange(31))
+    pairs = itertools.combinations(colors.astype(int), 2)
+    apart = [np.abs(a - b).sum() for a, b in pairs]
+
+    # Of 30 things and nothing no two differ by less than 50 levels in all.
+    assert min(apart) >= 50
+    assert camera.label_colors["nothing"] == (0, 0, 0)
+    assert set(camera.label_colors) == {"nothing", "ground", "r::base"}
+    seen = np.unique(picture[labels == base], axis=0)
+    assert seen.tolist() == [list(camera.label_colors["r::base"])]
+
+
+def test_in_a_notebook_a_camera_is_its_picture(simulation: ad.Simulation) -> None:
+    camera = simulation.camera("front")
+
+    with PIL.Image.open(io.BytesIO(camera._repr_png_())) as picture:
+        shown = np.asarray(picture)
+
+    np.testing.assert_array_equal(shown, camera.color())
+
+
+@pytest.mark.parametrize(
+    "pose",
+    ["abc", 3.0, None, (1, 2, 3), (0, 0, 0, 0, 0, math.nan), [[1] * 6], "123456"],
+)
+def test_a_pose_that_is_none_is_told_in_one_message(pose: Any) -> None:
+    with pytest.raises(InputError) as error:
+        ad.add_camera(load(), "eye", pose, name="other")
+
+    assert str(error.value) == (
+        "camera 'other': pose: expected x, y, z [m], roll, pitch, yaw [rad], got "
+        f"{pose!r}"
+    )
+
+
 def test_nobody_reads_nothing_is_loaded() -> None:
     simulation = ad.Simulation(ad.build_diagram(load()))
     simulation.advance_to(0.1)
     [camera] = simulation.directory.manager(None).sensors
 
     assert not camera.scenery.is_loaded
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="EGL is Linux's")
+@pytest.mark.parametrize(
+    "hidden", [{"__EGL_VENDOR_LIBRARY_DIRS": "/none"}, {"LIBGL_DRIVERS_PATH": "/none"}]
+)
+def test_where_nothing_draws_one_message_names_the_packages(
+    hidden: dict[str, str], tmp_path: Path
+) -> None:
+    robot = tmp_path / "robot.urdf"
+    robot.write_text(_URDF.format(**_NUMBERS))
+    command = (
+        *f"-m arm_drake sim {robot} --headless --duration 0.1".split(),
+        "--image",
+    )
+    image = tmp_path / "front.png"
+
+    run = subprocess.run(
+        (sys.executable, *command, f"front={image}"),
+        env={**os.environ, **hidden},
+        capture_output=True,
+        text=True,
+    )
+
+    last = run.stderr.splitlines()[-1]
+    if run.returncode == 0 and "LIBGL_DRIVERS_PATH" in hidden:
+        pytest.skip("this Mesa has its drivers elsewhere")
+    assert run.returncode == 2
+    assert last.startswith("arm-drake: pictures of cameras need OpenGL by EGL: ")
+    assert last.endswith("apt-get install libegl1 libgl1-mesa-dri")
+    assert not image.exists()
 
 
 def test_steps_tell_cameras_little() -> None:
@@ -171,6 +249,25 @@ def test_threads_take_pictures_in_turns(capfd: pytest.CaptureFixture[str]) -> No
         np.testing.assert_array_equal(one, two)
     assert len(np.unique(later[2])) > 3
     assert "eglMakeCurrent" not in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("shape", ['<box size="1 1 1"/>', '<mesh filename="{}"/>'])
+def test_what_the_sun_shines_on_has_the_colour_that_it_was_given(
+    shape: str, tmp_path: Path
+) -> None:
+    trimesh.creation.box((1.0, 1.0, 1.0)).export(tmp_path / "box.stl")
+    geometry = shape.format(f"file://{tmp_path}/box.stl")
+    robot = ad.load_robot(f"""<robot name="r"><link name="world"/><link name="box">
+<visual><geometry>{geometry}</geometry><material name="red">
+<color rgba="0.8 0.2 0.2 1"/></material></visual></link><joint name="a" type="fixed">
+<parent link="world"/><child link="box"/></joint></robot>""")
+    above = (0.0, 0.0, 2.0, 0.0, math.pi / 2.0, 0.0)
+    robot = ad.add_camera(robot, "world", above, name="eye", width=32, height=24)
+
+    seen = ad.Simulation(ad.build_diagram(robot)).camera("eye").color()[12, 16]
+
+    # A surface shines a little, whatever its colour is.
+    np.testing.assert_allclose(seen, np.array([0.8, 0.2, 0.2]) * 255.0, atol=30.0)
 
 
 def test_noise_is_that_of_its_seed() -> None:
@@ -259,7 +356,10 @@ def test_meshes_that_move_together_are_drawn_as_one(
         return scenery, camera.color(), camera.depth(), camera.labels()
 
     scenery, *joined = shoot()
-    monkeypatch.setattr("arm_drake.perception.scenery._join", list)
+    join = scenery_module._join
+    monkeypatch.setattr(
+        scenery_module, "_join", lambda copies: [join([c])[0] for c in copies]
+    )
     apart, *expected = shoot()
 
     # The red and the green one, the blue one, and the box of `load`.

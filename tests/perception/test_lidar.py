@@ -11,7 +11,7 @@ from trimesh import creation
 import arm_drake as ad
 from arm_drake.description.perception_sensors import Noise
 from arm_drake.errors import ArmDrakeError, InputError
-from arm_drake.messages import Twist, Vector3
+from arm_drake.messages import LaserScan, Twist, Vector3
 from arm_drake.perception import lidar as lidars
 from arm_drake.perception.images import to_points
 from arm_drake.worlds.things import Thing, with_things
@@ -36,6 +36,7 @@ def load(
     limits: str = "<min>0.05</min><max>20</max>",
     noise: str = "",
     turned: str = "0 0 0",
+    end: str = "</gazebo></robot>",
 ) -> ad.Robot:
     return ad.load_robot(
         f"""<robot name="r"><link name="world"/><link name="base">
@@ -47,7 +48,7 @@ def load(
 <joint name="b" type="fixed"><parent link="base"/><child link="eye"/></joint>
 <gazebo reference="eye"><sensor name="front" type="{kind}">{more}
 <lidar><scan>{scan}</scan><range>{limits}</range>{noise}</lidar>
-</sensor></gazebo></robot>"""
+</sensor>{end}"""
     )
 
 
@@ -180,6 +181,55 @@ def test_topics_are_those_of_gazebo() -> None:
     np.testing.assert_allclose(to_points(cloud)[0, 180], [1.5, 0.0, 0.0], atol=1e-4)
 
 
+_REAR = """<sensor name="rear" type="gpu_lidar"><pose>0 0 0 0 0 3.14159265</pose>
+<topic>scan</topic><lidar><scan><horizontal><samples>3</samples></horizontal></scan>
+<range><min>0.05</min><max>20</max></range></lidar></sensor></gazebo></robot>"""
+
+
+def load_two(topic: str = "scan") -> ad.Robot:
+    """Return a robot whose two lidars look to both sides, and publish on a topic."""
+    shapes = shape('<sphere radius="0.5"/>') + shape('<sphere radius="1"/>', "-2 0 0")
+    more = "<update_rate>10</update_rate>"
+    return load(shapes, more=f"<topic>{topic}</topic>{more}", end=_REAR)
+
+
+def test_all_that_share_a_topic_publish_on_it() -> None:
+    options = ad.SimulationOptions(log_images=("front", "rear"))
+    robot = load_two()
+    simulation = ad.Simulation(ad.build_diagram(robot, options=options))
+    simulation.advance_to(0.05)
+
+    front, rear = simulation.topic("/scan").values()
+    port = simulation.diagram.GetOutputPort("/scan:rear")
+    logged = simulation.rollout().sensor_messages["/scan"]
+
+    assert list(simulation.report) == []
+    assert [m.header.frame_id for m in (front, rear)] == ["r/eye/front", "r/eye/rear"]
+    assert front.ranges[180] == pytest.approx(1.5, abs=1e-4)
+    assert rear.ranges[1] == pytest.approx(1.0, abs=1e-3)
+    assert simulation.topic("/scan").value() == front
+    assert port.Eval(simulation.simulator.get_context()) == rear
+    # One at 10 Hz, the other at the usual 30 Hz, in the order of time.
+    stamps = [m.header.stamp.to_nanoseconds() for m in logged]
+    assert [m.header.frame_id[6:] for m in logged] == ["front", "rear", "rear"]
+    assert stamps == sorted(stamps)
+
+
+def test_a_topic_has_messages_of_one_type() -> None:
+    robot = ad.add_camera(load_two("/cam/image"), "eye", name="cam")
+    simulation = ad.Simulation(ad.build_diagram(robot))
+
+    told = simulation.topic("/cam/image").values()
+
+    [line] = simulation.report
+    assert str(line).endswith(
+        "'front' and 'cam' publish messages of two types on the topic '/cam/image'; "
+        "what 'front' publishes is there"
+    )
+    assert list(map(type, told)) == [LaserScan]
+    assert simulation.diagram.HasOutputPort("/cam/image:cam")
+
+
 def test_what_is_out_of_range_is_not_seen() -> None:
     far = load(shape('<sphere radius="0.5"/>'), limits="<min>0.1</min><max>1.4</max>")
     inside = load(
@@ -204,6 +254,34 @@ def test_noise_is_the_same_with_the_same_seed() -> None:
     count = len(off)
     assert off.mean() == pytest.approx(0.02, abs=4 * 0.01 / math.sqrt(count))
     assert off.std() == pytest.approx(0.01, abs=4 * 0.01 / math.sqrt(2 * count))
+
+
+def test_a_bias_is_the_same_all_the_time_and_a_precision_rounds() -> None:
+    noise = "<noise type='gaussian'><bias_mean>{}</bias_mean><precision>{}</precision>"
+    robot = load(
+        shape('<sphere radius="0.5"/>'), noise=noise.format(0.2, 0.05) + "</noise>"
+    )
+    simulation = ad.Simulation(ad.build_diagram(robot))
+    first = simulation.lidar("front").ranges()
+    simulation.advance_to(0.1)
+    later = simulation.lidar("front").ranges()
+
+    seen = first[np.isfinite(first)]
+    assert first[0, 180] in (pytest.approx(1.7), pytest.approx(1.3))
+    np.testing.assert_array_equal(first, later)
+    np.testing.assert_allclose(seen / 0.05, np.round(seen / 0.05), atol=1e-9)
+    biased = {
+        round(
+            ad.Simulation(
+                ad.build_diagram(robot, options=ad.SimulationOptions(seed=seed))
+            )
+            .lidar("front")
+            .ranges()[0, 180],
+            3,
+        )
+        for seed in range(8)
+    }
+    assert biased == {1.3, 1.7}
 
 
 def test_classics_ray_sees_what_collides() -> None:

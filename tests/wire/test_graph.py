@@ -21,6 +21,7 @@ from arm_drake.wire.server import RosServer
 from arm_drake.wire.types import to_fields
 from tests.carts import cart, diff_drive
 from tests.carts import load as load_cart
+from tests.perception.test_lidar import load_two as load_two_lidars
 from tests.wire.served import simulation
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -116,6 +117,20 @@ def test_a_camera_takes_pictures_when_somebody_listens() -> None:
     kind = "sensor_msgs/msg/Image"
     found: Any = STORE.deserialize_cdr(server.types.encode(kind, image), kind)
     assert (found.encoding, found.data.tobytes()) == ("rgb8", image["data"])
+
+
+def test_sensors_that_share_a_topic_are_all_told_on_it() -> None:
+    sim = ad.Simulation(ad.build_diagram(load_two_lidars()))
+    server = RosServer(sim, ())
+    topic = server.graph.topics["/scan"]
+
+    for _ in range(2):
+        server.graph.update([topic], sim.time)
+
+    told = [topic.convert(message, 0) for message in topic.waiting]
+    frames = [message["header"]["frame_id"] for message in told if message]
+    assert frames == ["r/eye/front", "r/eye/rear"]
+    assert {"/front", "/rear"} <= set(server.graph.nodes())
 
 
 def test_what_happens_is_told_in_words_and_who_is_active() -> None:

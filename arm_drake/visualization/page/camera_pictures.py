@@ -3,6 +3,7 @@
 import base64
 import io
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,9 @@ class CameraPictures(Part):
         """Create it for the cameras of a simulation, with none shown."""
         self._live, self._names = live, cameras
         self.shown, self.has_frusta = _NOTHING, False
+        # Those whose tags say so are shown from the start.
+        wanted = tuple(n for n in cameras if self._camera(n).sensor.visualize)
+        self.show_frusta(bool(wanted), wanted)
         # What was drawn last: what it shows, and of which time [s].
         self._drawn: tuple[str, float] | None = None
         self._due = 0.0
@@ -70,13 +74,14 @@ class CameraPictures(Part):
             raise InputError(f"camera picture: no {what!r}; {suggest(what, known)}")
         self.shown, self._drawn, self._due = what, None, 0.0
 
-    def show_frusta(self, is_shown: bool = True) -> None:
-        """Draw what cameras see as pyramids in the scene, or don't."""
+    def show_frusta(self, is_shown: bool = True, names: Sequence[str] = ()) -> None:
+        """Draw what cameras see as pyramids in the scene, or don't: all or some."""
         self.has_frusta = is_shown
+        self._framed = tuple(names) or self._names
         meshcat = self._live.page.meshcat
         meshcat.Delete(_PATH)
         if is_shown:
-            for name in self._names:
+            for name in self._framed:
                 start, end = _frustum(self._camera(name))
                 path = f"{_PATH}/{name}"
                 meshcat.SetLineSegments(path, start, end, _WIDTH, _COLOR)
@@ -85,7 +90,7 @@ class CameraPictures(Part):
     def draw(self) -> None:
         """Put the pyramids where the cameras are."""
         if self.has_frusta:
-            for name in self._names:
+            for name in self._framed:
                 X_WC = self._camera(name).pose
                 self._live.page.meshcat.SetTransform(f"{_PATH}/{name}", X_WC)
 
@@ -118,7 +123,8 @@ class CameraPictures(Part):
     def take_over(self, other: Part) -> None:
         """Show what the other one did."""
         if isinstance(other, CameraPictures):
-            self.shown, self.has_frusta = other.shown, other.has_frusta
+            self.shown = other.shown
+            self.show_frusta(other.has_frusta, other._framed)
 
     def section(self) -> Section:
         """Return its part of the panel."""

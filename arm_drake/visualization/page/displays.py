@@ -1,9 +1,10 @@
 """What topics say, drawn in the scene: RViz's displays, each chosen by its topic."""
 
+import copy
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,6 @@ from arm_drake.description.joints import WORLD
 from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.messages import (
     LaserScan,
-    Message,
     Odometry,
     PointCloud2,
     Pose,
@@ -27,6 +27,7 @@ from arm_drake.messages import (
 from arm_drake.messages.sensors import ContactsState, ContactState
 from arm_drake.perception.cameras import R_SENSOR_OPTICAL, Camera
 from arm_drake.perception.images import to_colors, to_points
+from arm_drake.perception.lidar import Lidar
 from arm_drake.visualization.contact_arrows import ContactArrows
 from arm_drake.visualization.page.parts import Drawn, Part
 from arm_drake.visualization.page.widgets import Section, Toggle
@@ -137,9 +138,25 @@ class _Points(Display):
     def __init__(self, live: Drawn, topic: str, path: str) -> None:
         """Create it, with nothing drawn."""
         super().__init__(live, topic, path)
-        self._sensor = find_sensor(live, topic)
+        self._sensor: Any = None
         # Where those of now are drawn; in a recording each has a path of its own.
         self._own, self._count, self._began = path, 0, math.nan
+        # What draws the messages of each sensor on the topic, itself the first's.
+        self.parts = [self]
+
+    def see(self, sensors: Sequence[Any]) -> None:
+        """Take note of the cameras or lidars that publish on the topic."""
+        for number, sensor in enumerate(sensors):
+            part = copy.copy(self) if number else self
+            part._sensor = sensor
+            if number:
+                part._path = part._own = f"{self._path}|{number + 1}"
+                self.parts.append(part)
+
+    def clear(self) -> None:
+        """Draw nothing."""
+        for part in self.parts:
+            self._meshcat.Delete(part._path)
 
     def _begin(self) -> None:
         """Have the next points in place of those of before, in a recording too."""
@@ -305,6 +322,8 @@ class Displays(Part):
         self._shown: dict[str, Display] = {}
         # When those that are dear are read next, see `_now` [s].
         self._due: dict[str, float] = {}
+        # Those of sensors that are to be shown, as their tags say.
+        self._wanted = _find_wanted(live, topics)
 
     @property
     def shown(self) -> tuple[str, ...]:
@@ -325,23 +344,32 @@ class Displays(Part):
             old.clear()
         if is_shown:
             path = f"{_PATH}/{topic.strip('/').replace('/', '|')}"
-            self._shown[topic] = self.topics[topic](self._live, topic, path)
+            self._shown[topic] = display = self.topics[topic](self._live, topic, path)
+            if isinstance(display, _Points):
+                display.see(self._live.simulation.topic(topic).sensors)
             self._due.pop(topic, None)
             self._read(topic)
 
     def draw(self) -> None:
         """Draw the latest messages."""
+        wanted, self._wanted = self._wanted, ()
+        for topic in () if self._live.views.is_recorded else wanted:
+            self._try(self.show, topic)
         for topic, display in list(self._shown.items()):
             start = self._now()
             if display.is_dear and start < self._due.get(topic, -math.inf) - 1e-9:
                 continue
-            try:
-                self._read(topic)
-            except ArmDrakeError as error:
-                self._shown.pop(topic).clear()
-                self._live.page.say(str(error), "error")
+            self._try(self._read, topic)
             now = self._now()
             self._due[topic] = now + max(_PERIOD, (now - start) * (1 / _SHARE - 1))
+
+    def _try(self, act: Callable[[str], None], topic: str) -> None:
+        """Do something with a topic; if it can't be, draw it no more and say why."""
+        try:
+            act(topic)
+        except ArmDrakeError as error:
+            self._shown.pop(topic).clear()
+            self._live.page.say(str(error), "error")
 
     def end_recording(self) -> None:
         """Leave out what would stand still in a recording: forces."""
@@ -375,6 +403,7 @@ class Displays(Part):
     def take_over(self, other: Part) -> None:
         """Show what the other one did."""
         if isinstance(other, Displays):
+            self._wanted = ()
             for topic in other.shown:
                 other.show(topic, False)
                 if topic in self.topics:
@@ -389,18 +418,12 @@ class Displays(Part):
         return Section("Displays", tuple(toggles), is_open=False)
 
     def _read(self, topic: str) -> None:
-        message: Message = self._live.simulation.topic(topic).value()
-        self._shown[topic].draw(message)
-
-
-def find_sensor(live: Drawn, topic: str) -> Any:
-    """Return the camera or lidar that publishes on a topic; None if none does."""
-    for manager in live.simulation.directory.managers.values():
-        for sensor in manager.sensors:
-            names = {f"/{manager.prefix}{t.lstrip('/')}" for t in sensor.output_types}
-            if topic in names:
-                return sensor
-    return None
+        display, source = self._shown[topic], self._live.simulation.topic(topic)
+        if isinstance(display, _Points):
+            for part, message in zip(display.parts, source.values(), strict=True):
+                part.draw(message)
+        else:
+            display.draw(source.value())
 
 
 def _to_transform(pose: Pose) -> RigidTransform:
@@ -415,6 +438,19 @@ def _to_transform(pose: Pose) -> RigidTransform:
 
 def _to_array(point: Any) -> Array:
     return np.array([point.x, point.y, point.z])
+
+
+def _find_wanted(live: Drawn, topics: Mapping[str, type[Display]]) -> tuple[str, ...]:
+    """Return the topics of lidars whose tags say that they are to be shown."""
+    handles = {topic: live.simulation.topic(topic) for topic in topics}
+    return tuple(
+        topic
+        for topic, handle in handles.items()
+        if any(s.sensor.visualize and isinstance(s, Lidar) for s in handle.sensors)
+        # Of several rings the scan has one, and the cloud of one ring is its scan.
+        and (topics[topic] is Cloud)
+        == all(len(s.directions) > 1 or "scan" not in s.topics for s in handle.sensors)
+    )
 
 
 def make_displays(live: Drawn) -> Displays:

@@ -23,6 +23,7 @@ from arm_drake.messages import (
 from arm_drake.messages.sensors import ContactsState, ContactState
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page.camera_pictures import CameraPictures
 from arm_drake.visualization.page.displays import (
     Cloud,
     Contacts,
@@ -34,6 +35,7 @@ from arm_drake.visualization.page.displays import (
 from arm_drake.visualization.page.live_simulation import LiveSimulation
 from arm_drake.visualization.page.parts import find_part
 from tests import carts
+from tests.perception.test_lidar import load_two
 from tests.visualization.scene import is_visible, transform
 
 OPTIONS = ad.SimulationOptions(frame_rate=0.0)
@@ -118,6 +120,43 @@ def test_dots_of_a_scan_are_where_its_rays_end(
     assert pytest.approx(base) == X
 
 
+def test_sensors_are_shown_from_the_start_where_their_tags_say_so() -> None:
+    camera = "<camera><image><width>32</width><height>24</height></image></camera>"
+    sensors = "".join(
+        f'<sensor name="{kind}_{seen}" type="{kind}"><visualize>{seen}</visualize>'
+        f"<topic>{kind}_{seen}</topic>{inside}</sensor>"
+        for kind, inside in (("camera", camera), ("gpu_lidar", "<lidar/>"))
+        for seen in ("true", "false")
+    )
+    robot = ad.load_robot(
+        '<robot name="r"><link name="world"/>'
+        f'<gazebo reference="world">{sensors}</gazebo></robot>'
+    )
+    with Page() as page:
+        diagram = ad.build_diagram(robot, options=OPTIONS, meshcat=page.meshcat)
+        live = LiveSimulation(page, Simulation(diagram), realtime_rate=0.0)
+        live.run(0.05)
+
+        assert displays_of(live).shown == ("/gpu_lidar_true",)
+        assert find_part(live.parts, CameraPictures).has_frusta
+        assert page.meshcat.HasPath("/drake/camera_frusta/camera_true")
+        assert not page.meshcat.HasPath("/drake/camera_frusta/camera_false")
+
+
+def test_each_lidar_of_a_topic_has_its_dots() -> None:
+    with Page() as page:
+        diagram = ad.build_diagram(load_two(), options=OPTIONS, meshcat=page.meshcat)
+        live = LiveSimulation(page, Simulation(diagram), realtime_rate=0.0)
+        paths = ["/drake/displays/scan", "/drake/displays/scan|2"]
+
+        displays_of(live).show("/scan")
+        yaws = [math.atan2(*transform(page.meshcat, path)[[1, 0], 0]) for path in paths]
+        displays_of(live).show("/scan", False)
+
+        assert yaws == pytest.approx([0.0, math.pi], abs=1e-6)
+        assert not any(map(page.meshcat.HasPath, paths))
+
+
 @pytest.mark.slow
 def test_a_cloud_lies_on_what_the_camera_sees(
     live: LiveSimulation, monkeypatch: pytest.MonkeyPatch
@@ -127,8 +166,10 @@ def test_a_cloud_lies_on_what_the_camera_sees(
     monkeypatch.setattr(
         cloud, "_show", lambda points, colors, size: drawn.append(points)
     )
+    topic = live.simulation.topic("/eye/points")
+    cloud.see(topic.sensors)
 
-    cloud.draw(live.simulation.topic("/eye/points").value())
+    cloud.draw(topic.value())
 
     X = transform(live.page.meshcat, "/drake/displays/eye")
     points = drawn[0] @ X[:3, :3].T + X[:3, 3]
