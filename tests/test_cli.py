@@ -205,6 +205,14 @@ def test_check_tells_what_the_robot_is(run):
     assert [row["problem"] for row in checked["controllers"]] == [None] * 3
 
 
+def test_check_calls_a_robot_as_it_was_asked_for(run):
+    _, out, _ = run("check", "doosan_a0912")
+    _, renamed, _ = run("check", "doosan_a0912", "--name", "arm")
+
+    assert out.startswith("doosan_a0912: 8 links, 6 movable joints, ")
+    assert renamed.startswith("arm: 8 links, ")
+
+
 def test_check_reads_as_blocks_by_severity_and_file(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     urdf = (

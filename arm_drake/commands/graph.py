@@ -40,6 +40,7 @@ def run_graph(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
     if options.json:
         content = {
             **dc.asdict(graph),
+            "robot": robot.name,
             "graph": str(options.output),
             "report": report.to_json(),
         }
@@ -72,7 +73,7 @@ def make_graph(robot: Robot, controllers: Sequence[LoadedController]) -> Control
         if node.followers
     )
     return ControlGraph(
-        robot=robot.name,
+        robot=robot.title,
         controllers=nodes,
         hardware=hardware,
         notes=(*chains, *_other_joints(robot, hardware)),

@@ -53,7 +53,7 @@ def test_a_bundled_robot_is_drawn_with_all_controllers_and_interfaces(run, tmp_p
     assert (code, out, err) == (0, f"graph: {file}\n", "")
     joints = [f"joint{number}" for number in range(1, 7)]
     names = {f"{j}/{i}" for j in joints for i in ("position", "velocity", "effort")}
-    names |= {"a0912", JTC, "joint_state_broadcaster", "active"}
+    names |= {"doosan_a0912", JTC, "joint_state_broadcaster", "active"}
     names |= {f"{JTC}/JointTrajectoryController", "→ joint_trajectory"}
     names |= {"joint_state_broadcaster/JointStateBroadcaster", "joint_states →"}
     assert names <= texts(file)
