@@ -58,7 +58,7 @@ def save_graph(graph: ControlGraph, path: Path) -> None:
             path.write_text(make_dot(graph), encoding="utf-8")
     else:
         # Not at the top: text must not wait for matplotlib.
-        from arm_drake.visualization.control_graph import draw_graph
+        from arm_drake.visualization.graph_picture import draw_graph
 
         draw_graph(graph).save(path)
 
