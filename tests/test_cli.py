@@ -327,6 +327,23 @@ def test_sim_runs_the_tutorial_and_writes_what_it_is_asked_for(run, tmp_path):
     assert "animation" in html
 
 
+def test_on_a_terminal_a_line_shows_the_largest_error_of_the_last_second(
+    run, monkeypatch
+):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+
+    _, _, err = run(
+        "sim", "doosan_a0912", "--motion", "tutorial", "--headless", "--duration", 3.5
+    )
+
+    lines = re.findall(r"\r\033\[K +(\d+\.\d+) s  (?:\S+ error (\S+) mrad)?", err)
+    shown = {float(time): error for time, error in lines}
+    # The motion ends with its largest error at 2.03 s.
+    assert {shown[round(0.1 * k, 1)] for k in range(20)} == {""}
+    (largest,) = {shown[round(0.1 * k, 1)] for k in range(30, 35)}
+    assert float(largest) > 10.0
+
+
 def test_where_nothing_is_new_nothing_is_said(run):
     _, _, err = run("sim", "lab5_arm", "--headless", "--duration", "1.5")
 

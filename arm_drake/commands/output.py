@@ -51,8 +51,10 @@ class Speaker:
         self._is_quiet = is_quiet
         self._is_terminal = sys.stderr.isatty()
         self._simulation: Simulation | None = None
-        self._reported_at = -math.inf
-        # Since when the errors of goals aren't told [s], by controller.
+        # When errors of goals were told last [s], what was said of them, and since when
+        # they aren't told, by controller.
+        self._told_at = -math.inf
+        self._errors = ""
         self._untold: dict[str, float] = {}
         self._controllers = ""
         # What ended the simulation before its end.
@@ -85,28 +87,34 @@ class Speaker:
         simulation.on_event(self.event)
 
     def progress(self, simulated: float) -> None:
-        """Show the simulated time, and the largest errors of goals since the last time.
+        """Show the simulated time, and the largest errors of goals in the last second.
 
-        It is in place on a terminal, else once a second where there is an error.
+        It is in place on a terminal, else a line for each second that has an error.
         """
-        is_due = simulated >= self._reported_at + 1.0 - 1e-6
-        if self._is_terminal or (is_due and not self._is_quiet):
-            self._tell_progress(simulated)
+        if self._is_quiet and not self._is_terminal:
+            return
+        # A simulation that was reset is before what was told last.
+        if not 0.0 <= simulated - self._told_at < 1.0 - 1e-6:
+            self._tell_errors(simulated)
+        elif self._is_terminal:
+            self._show(simulated)
 
-    def _tell_progress(self, simulated: float) -> None:
-        parts = [
+    def _tell_errors(self, simulated: float) -> None:
+        """Tell the largest errors of goals since they were told last."""
+        self._errors = ", ".join(
             f"{name}: error {error}"
             for name, since in self._untold.items()
             if (error := self._describe_error(name, since))
-        ]
-        text = f"{simulated:7.2f} s  {', '.join(parts)}"
-        if self._is_terminal:
-            sys.stderr.write(f"\r\033[K{text}")
-            sys.stderr.flush()
-        elif parts:
-            print(text, file=sys.stderr, flush=True)
-        self._reported_at = simulated
+        )
         self._untold = dict.fromkeys(self._untold, simulated)
+        self._told_at = simulated
+        if self._is_terminal or self._errors:
+            self._show(simulated)
+
+    def _show(self, simulated: float) -> None:
+        text = f"{simulated:7.2f} s  {self._errors}"
+        start, end = ("\r\033[K", "") if self._is_terminal else ("", "\n")
+        print(start, text, sep="", end=end, file=sys.stderr, flush=True)
 
     def _describe_error(self, controller: str, since: float) -> str:
         """Return a controller's largest error since a time [s], if there is any."""
@@ -158,8 +166,9 @@ class Speaker:
         elif goal.status.is_terminal:
             if goal.controller in self._untold and not self._is_quiet:
                 assert self._simulation is not None
-                self._tell_progress(self._simulation.time)
+                self._tell_errors(self._simulation.time)
             self._untold.pop(goal.controller, None)
+            self._errors = ""
             self.line(f"{goal.controller}: {goal.describe()}")
 
 
