@@ -6,6 +6,9 @@ BIN := .venv/bin
 DEMO := doosan_a0912 --motion tutorial --record out/demo.html --plot out/demo.png \
 	--log out/demo.npz
 
+# What `make setup` downloads of requirements.lock, on Linux.
+DOWNLOAD := about 650 MB
+
 .PHONY: demo test quick fuzz lint docs bench setup lock clean
 
 setup: .venv/.ready
@@ -13,17 +16,25 @@ setup: .venv/.ready
 .venv/.ready: pyproject.toml requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 		|| { echo "arm_drake needs Python 3.11 or newer: make PYTHON=python3.x" >&2; exit 1; }
-	@echo "setting up .venv with Drake and what it needs; this takes minutes, once"
-	@if command -v uv >/dev/null; then \
-		uv sync --quiet --locked --python $(PYTHON); \
+	@echo "setting up .venv, once: Drake and what it needs, $(DOWNLOAD) to download; this takes minutes"
+	@rm -f $@; start=$$(date +%s); \
+	step() { echo "$$(($$(date +%s) - start)) s: $$1"; }; \
+	install() { $(BIN)/pip install -r requirements.lock \
+		&& $(BIN)/pip install --quiet --no-deps -e . && touch $@; }; \
+	if command -v uv >/dev/null; then \
+		step "uv creates the environment, downloads and installs"; \
+		uv sync --locked --python $(PYTHON) && touch $@; \
 	else \
 		$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null \
 			|| { echo "this Python has no venv; on Debian: apt install python3-venv" >&2; exit 1; }; \
-		$(PYTHON) -m venv .venv \
-			&& $(BIN)/pip install --quiet -r requirements.lock \
-			&& $(BIN)/pip install --quiet --no-deps -e .; \
-	fi
-	@touch $@
+		step "creating the environment"; \
+		$(PYTHON) -m venv .venv || exit 1; \
+		step "downloading with pip; the largest are"; \
+		if [ -t 1 ]; then install; else install | sed -un \
+			-e 's/^ *Downloading \(.* ([0-9]\{2,\}\.[0-9] MB)\)$$/  \1/p' \
+			-e 's/^Installing collected.*/  all is there; installing it/p'; fi; \
+	fi; \
+	test -e $@ && step "done"
 
 # The tutorial's goal on the bundled Doosan A0912, in the browser, at real time.
 demo: setup

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -16,6 +17,7 @@ from arm_drake.cli import main
 from arm_drake.description.bundled import bundled_motions, configs_folder
 from arm_drake.messages import Float64MultiArray
 from arm_drake.simulation.recording import list_failures
+from tests import models
 from tests.robots import real_robot
 
 JTC = "joint_trajectory_controller"
@@ -205,6 +207,14 @@ def test_check_tells_what_the_robot_is(run):
     assert [row["problem"] for row in checked["controllers"]] == [None] * 3
 
 
+def test_check_calls_a_robot_as_it_was_asked_for(run):
+    _, out, _ = run("check", "doosan_a0912")
+    _, renamed, _ = run("check", "doosan_a0912", "--name", "arm")
+
+    assert out.startswith("doosan_a0912: 8 links, 6 movable joints, ")
+    assert renamed.startswith("arm: 8 links, ")
+
+
 def test_check_reads_as_blocks_by_severity_and_file(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     urdf = (
@@ -286,12 +296,22 @@ def test_sim_draws_the_kind_of_plot_that_it_is_asked_for(run, tmp_path):
 def test_sim_runs_the_tutorial_and_writes_what_it_is_asked_for(run, tmp_path):
     log, plot, page = (tmp_path / name for name in ("a.npz", "a.png", "a.html"))
 
-    code, out, _ = run(
+    code, out, err = run(
         "sim", "doosan_a0912", "--motion", "tutorial", "--headless",
         "--log", log, "--plot", plot, "--record", page,
     )  # fmt: skip
 
     assert code == 0
+    # The largest of all rows since the line before; none where there is no error.
+    rollout, said = ad.Rollout.load(log), re.findall(r"(\S+) s  .* error (\S+) mr", err)
+    error = np.nan_to_num(np.abs(rollout.tracking_error(JTC)).max(axis=1))
+    since = 0.0
+    for time, largest in said:
+        rows = (rollout.time > since) & (rollout.time <= float(time))
+        assert f"{1e3 * error[rows].max():.1f}" == largest
+        since = float(time)
+    assert max(float(largest) for _, largest in said) == round(1e3 * error.max(), 1)
+    assert len(said) == len(err.splitlines()) < 5
     assert f"{JTC}: goal accepted" in out
     assert f"{JTC}: SUCCEEDED, error code 0" in out
     with np.load(log) as arrays:
@@ -305,6 +325,48 @@ def test_sim_runs_the_tutorial_and_writes_what_it_is_asked_for(run, tmp_path):
     html = page.read_text(encoding="utf-8")
     assert html.lstrip().startswith("<!DOCTYPE html>")
     assert "animation" in html
+
+
+def test_on_a_terminal_a_line_shows_the_largest_error_of_the_last_second(
+    run, monkeypatch
+):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+
+    _, _, err = run(
+        "sim", "doosan_a0912", "--motion", "tutorial", "--headless", "--duration", 3.5
+    )
+
+    lines = re.findall(r"\r\033\[K +(\d+\.\d+) s  (?:\S+ error (\S+) mrad)?", err)
+    shown = {float(time): error for time, error in lines}
+    # The motion ends with its largest error at 2.03 s.
+    assert {shown[round(0.1 * k, 1)] for k in range(20)} == {""}
+    (largest,) = {shown[round(0.1 * k, 1)] for k in range(30, 35)}
+    assert float(largest) > 10.0
+
+
+def test_where_nothing_is_new_nothing_is_said(run):
+    _, _, err = run("sim", "lab5_arm", "--headless", "--duration", "1.5")
+
+    assert err == ""
+
+
+def test_errors_of_sliding_joints_are_in_millimetres(run, tmp_path):
+    file = tmp_path / "lift.urdf"
+    file.write_text(models.LIFT, encoding="utf-8")
+    controllers = tmp_path / "controllers.yaml"
+    text = models.trajectory_controllers({JTC: ["slide"]})
+    controllers.write_text(text, encoding="utf-8")
+    goal = goal_file(
+        tmp_path,
+        joint_names="[slide]",
+        points="[{positions: [0.5], time_from_start: 0.5}]",
+    )
+
+    _, _, err = run(
+        "sim", file, "--controllers", controllers, "--headless", "--motion", goal
+    )
+
+    assert re.fullmatch(rf".* s  {JTC}: error \d+\.\d mm\n", err)
 
 
 def test_sim_exits_with_1_when_a_goal_is_rejected(run, tmp_path):

@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -70,7 +71,7 @@ sys.exit(main(sys.argv[1:]))
 # Python tells of each module that it has imported.
 LOADING: Any = {"codes": (130, -signal.SIGINT), "flags": ("-X", "importtime")}
 
-# The simulated time is told when the first cycles are done, and every second.
+# The simulated time is told on a terminal when the first cycles are done, and then on.
 RUNNING = r"(?m)^ +\d+\.\d\d s  "
 AFTER_A_SECOND = r"(?m)^ +[1-9]\d*\.\d\d s  "
 
@@ -120,29 +121,46 @@ def interrupt(name: str, folder: Path) -> Ended:
     """Start a process, bring it into a state, and press Ctrl-C."""
     state = STATES[name]
     words = [word.replace("FOLDER", str(folder)) for word in state.words]
-    log = folder / "output.txt"
-    with log.open("w", encoding="utf-8") as output:
-        process = subprocess.Popen(
-            [sys.executable, *state.flags, "-m", "arm_drake", *words],
-            stdout=output,
-            stderr=subprocess.STDOUT,
-        )
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, *state.flags, "-m", "arm_drake", *words],
+        stdin=subprocess.DEVNULL,  # Nobody is there to open the page.
+        stdout=theirs,
+        stderr=theirs,
+    )
+    os.close(theirs)
+    output = bytearray()
+    reader = threading.Thread(target=_read, args=(ours, output))
+    reader.start()
+
+    def read() -> str:
+        text = output.decode(errors="replace")
+        return text.replace("\r\033[K", "\n").replace("\r\n", "\n")
+
     with contextlib.ExitStack() as stack:
         stack.callback(process.kill)
 
         def is_there() -> bool:
             assert process.poll() is None, "it has ended by itself"
-            return bool(re.search(state.until, log.read_text(encoding="utf-8")))
+            return bool(re.search(state.until, read()))
 
         wait_until(is_there, name)
         if state.answers:
-            click(log.read_text(encoding="utf-8"))
+            click(read())
         process.send_signal(signal.SIGINT)
         start = time.perf_counter()
         code = process.wait(PATIENCE)
         took = time.perf_counter() - start
-        stack.pop_all()
-    return Ended(took, code, log.read_text(encoding="utf-8"))
+    reader.join(PATIENCE)
+    return Ended(took, code, read())
+
+
+def _read(terminal: int, output: bytearray) -> None:
+    """Read what a process writes to its terminal, to the end."""
+    # Linux tells the end as an error.
+    with os.fdopen(terminal, "rb", buffering=0) as stream, contextlib.suppress(OSError):
+        while data := stream.read(10_000):
+            output += data
 
 
 def click(output: str) -> None:

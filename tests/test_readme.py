@@ -1,6 +1,8 @@
 """The README tells the truth: its program runs, its tables are the registries."""
 
 import re
+import shutil
+import subprocess
 from collections.abc import Callable
 
 import pytest
@@ -160,6 +162,58 @@ def test_the_commands_exist():
     assert {"bench", "demo", "docs", "test"} <= set(targets)
     for target in targets:
         assert re.search(rf"^{target}:", makefile, flags=re.MULTILINE), target
+
+
+# A Python that makes environments with a pip that says what pip says of two packages.
+STAND_IN = """#!/bin/sh
+[ "$2" = venv ] || exit 0
+mkdir -p .venv/bin
+cat > .venv/bin/pip <<'END'
+#!/bin/sh
+[ -e fails ] && exit 1
+case "$*" in *--quiet*) exit 0;; esac
+echo 'Collecting drake==1 (from -r requirements.lock (line 1))'
+echo '  Downloading drake-1-cp311-manylinux.whl (112.5 MB)'
+echo '     ---- 112.5/112.5 MB 12.6 MB/s eta 0:00:00'
+echo '  Downloading tiny-1-py3-none-any.whl (1.5 MB)'
+echo 'Installing collected packages: tiny, drake'
+END
+chmod +x .venv/bin/pip
+"""
+
+TOOLS = ("cat", "chmod", "date", "mkdir", "rm", "sed", "sh", "touch")
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_set_up_says_what_it_does(tmp_path, fails):
+    make = shutil.which("make")
+    if make is None:
+        pytest.skip("there is no make")
+    tools = tmp_path / "tools"
+    tools.mkdir()
+    for name in TOOLS:  # No uv.
+        (tools / name).symlink_to(shutil.which(name))
+    python = tools / "python"
+    python.write_text(STAND_IN, encoding="utf-8")
+    python.chmod(0o755)
+    for name in ("pyproject.toml", "requirements.lock", *["fails"][: int(fails)]):
+        (tmp_path / name).touch()
+    words = [make, "-f", str(ROOT / "Makefile"), "setup", f"PYTHON={python}"]
+
+    done = subprocess.run(
+        words, cwd=tmp_path, env={"PATH": str(tools)}, capture_output=True, text=True
+    )
+
+    said = re.sub(r"(?m)^\d+ s: ", "N s: ", done.stdout).splitlines()
+    assert re.fullmatch(r"setting up .*, about \d+ MB to download; .*", said[0])
+    steps = ["N s: creating the environment"]
+    steps.append("N s: downloading with pip; the largest are")
+    if not fails:
+        steps.append("  drake-1-cp311-manylinux.whl (112.5 MB)")
+        steps += ["  all is there; installing it", "N s: done"]
+    assert said[1:] == steps
+    assert (done.returncode != 0) == fails
+    assert (tmp_path / ".venv/.ready").exists() != fails
 
 
 if __name__ == "__main__":

@@ -139,7 +139,7 @@ def to_text(robot: Robot, model: LinearModel) -> str:
     ]
     verdict = "stable" if model.is_stable else "UNSTABLE"
     sampled = f"sampled at {1.0 / model.period:g} Hz"
-    return "\n".join([*lines, f"{robot.name}: {verdict}, {sampled}"])
+    return "\n".join([*lines, f"{robot.title}: {verdict}, {sampled}"])
 
 
 def _at_limits(robot: Robot, model: LinearModel) -> Iterator[str]:

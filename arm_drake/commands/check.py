@@ -48,7 +48,7 @@ def check(robot: Robot, *, strict: bool, as_json: bool) -> int:
         "servo": [{"what": entry.what, "done": entry.done} for entry in servo],
         "report": report.to_json(),
     }
-    print(json.dumps(content) if as_json else _text(content, report))
+    print(json.dumps(content) if as_json else _text(robot.title, content, report))
     return _BAD if report.errors or (strict and len(report)) else _CLEAN
 
 
@@ -86,11 +86,11 @@ def _problem(controller: str, report: LoadReport) -> str | None:
     return None
 
 
-def _text(content: dict[str, Any], report: LoadReport) -> str:
+def _text(title: str, content: dict[str, Any], report: LoadReport) -> str:
     joints = content["joints"]
     far = f"at most {content['reach']:.3g} m from the first joint to the last link, "
     lines = [
-        f"{content['robot']}: {counted(content['links'], 'link')}, "
+        f"{title}: {counted(content['links'], 'link')}, "
         f"{counted(len(joints), 'movable joint')}, {content['mass']:.3g} kg, "
         f"{far if content['reach'] else ''}{content['base']} base",
         f"joints: {', '.join(joints) or 'none'}",

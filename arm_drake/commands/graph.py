@@ -40,6 +40,7 @@ def run_graph(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
     if options.json:
         content = {
             **dc.asdict(graph),
+            "robot": robot.name,
             "graph": str(options.output),
             "report": report.to_json(),
         }
@@ -57,7 +58,7 @@ def save_graph(graph: ControlGraph, path: Path) -> None:
             path.write_text(make_dot(graph), encoding="utf-8")
     else:
         # Not at the top: text must not wait for matplotlib.
-        from arm_drake.visualization.control_graph import draw_graph
+        from arm_drake.visualization.graph_picture import draw_graph
 
         draw_graph(graph).save(path)
 
@@ -72,7 +73,7 @@ def make_graph(robot: Robot, controllers: Sequence[LoadedController]) -> Control
         if node.followers
     )
     return ControlGraph(
-        robot=robot.name,
+        robot=robot.title,
         controllers=nodes,
         hardware=hardware,
         notes=(*chains, *_other_joints(robot, hardware)),

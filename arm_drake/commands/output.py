@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydrake.geometry import Meshcat
 
 from arm_drake.description.report import LoadReport
@@ -23,6 +24,7 @@ from arm_drake.rollout.formats import can_stream, writer_for
 from arm_drake.rollout.mcap import load_types
 from arm_drake.rollout.rollout import Rollout
 from arm_drake.simulation.mailbox import GoalHandle, SimulationEvent
+from arm_drake.simulation.recording import read_rollout
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.plot import PLOT_KINDS, check_plot_path
 from arm_drake.visualization.recording import save_recording
@@ -48,9 +50,12 @@ class Speaker:
         """Create it; if quiet, nothing else than JSON is on standard output."""
         self._is_quiet = is_quiet
         self._is_terminal = sys.stderr.isatty()
-        self._next_report = self._reported_at = 0.0
-        # The largest errors of goals [rad] since they were told, by controller.
-        self._errors: dict[str, float] = {}
+        self._simulation: Simulation | None = None
+        # When errors of goals were told last [s], what was said of them, and since when
+        # they aren't told, by controller.
+        self._told_at = -math.inf
+        self._errors = ""
+        self._untold: dict[str, float] = {}
         self._controllers = ""
         # What ended the simulation before its end.
         self.failures: list[str] = []
@@ -76,27 +81,59 @@ class Speaker:
         else:
             self.line(text)
 
-    def progress(self, simulated: float) -> None:
-        """Show the simulated time, and the largest errors of goals since the last time.
+    def watch(self, simulation: Simulation) -> None:
+        """Tell news of a simulation, and how well its goals are followed."""
+        self._simulation = simulation
+        simulation.on_event(self.event)
 
-        It is in place on a terminal, else once a second where there are goals, and at
-        1, 2, 4, 8... s where there is nothing to say.
+    def progress(self, simulated: float) -> None:
+        """Show the simulated time, and the largest errors of goals in the last second.
+
+        It is in place on a terminal, else a line for each second that has an error.
         """
-        errors = ", ".join(
-            f"{name}: error {1e3 * error:.1f} mrad"
-            for name, error in self._errors.items()
-        )
-        text = f"{simulated:7.2f} s  {errors}"
-        if self._is_terminal:
-            sys.stderr.write(f"\r\033[K{text}")
-            sys.stderr.flush()
-        elif simulated >= self._next_report and not self._is_quiet:
-            print(text, file=sys.stderr, flush=True)
-            pause = 1.0 if errors else max(1.0, simulated)
-            self._next_report, self._reported_at = simulated + pause - 1e-6, simulated
-        else:
+        if self._is_quiet and not self._is_terminal:
             return
-        self._errors = dict.fromkeys(self._errors, 0.0)
+        # A simulation that was reset is before what was told last.
+        if not 0.0 <= simulated - self._told_at < 1.0 - 1e-6:
+            self._tell_errors(simulated)
+        elif self._is_terminal:
+            self._show(simulated)
+
+    def _tell_errors(self, simulated: float) -> None:
+        """Tell the largest errors of goals since they were told last."""
+        self._errors = ", ".join(
+            f"{name}: error {error}"
+            for name, since in self._untold.items()
+            if (error := self._describe_error(name, since))
+        )
+        self._untold = dict.fromkeys(self._untold, simulated)
+        self._told_at = simulated
+        if self._is_terminal or self._errors:
+            self._show(simulated)
+
+    def _show(self, simulated: float) -> None:
+        text = f"{simulated:7.2f} s  {self._errors}"
+        start, end = ("\r\033[K", "") if self._is_terminal else ("", "\n")
+        print(start, text, sep="", end=end, file=sys.stderr, flush=True)
+
+    def _describe_error(self, controller: str, since: float) -> str:
+        """Return a controller's largest error since a time [s], if there is any."""
+        assert self._simulation is not None
+        mailbox = self._simulation.mailbox
+        manager, *_ = self._simulation.directory.find(controller)
+        context = mailbox.simulator.get_context()
+        rollout = read_rollout(mailbox.diagram, context, manager, since)
+        name = controller.removeprefix(manager.prefix)
+        if name not in rollout.references:
+            return ""
+        error = np.abs(rollout.tracking_error(name)[rollout.time > since])
+        types = dict(zip(rollout.joint_names, rollout.joint_types, strict=True))
+        joints = rollout.references[name].joint_names
+        is_sliding = np.array([types[joint] == "prismatic" for joint in joints])
+        largest = np.max(error, axis=0, initial=0.0, where=np.isfinite(error))
+        parts = ((~is_sliding, "mrad"), (is_sliding, "mm"))
+        texts = [f"{1e3 * largest[of].max():.1f} {u}" for of, u in parts if of.any()]
+        return " and ".join(text for text in texts if not text.startswith("0.0 "))
 
     def event(self, event: SimulationEvent) -> None:
         """Tell news of goals and switches; what fails is told at the end."""
@@ -120,18 +157,18 @@ class Speaker:
 
     def _goal(self, goal: GoalHandle) -> None:
         if goal.status is GoalStatus.EXECUTING:
-            if goal.feedback:
-                errors = goal.feedback[-1].error.positions
-                self._next_report = min(self._next_report, self._reported_at + 1.0)
-                largest = max(map(abs, errors), default=0.0)
-                before = self._errors.get(goal.controller, 0.0)
-                self._errors[goal.controller] = max(before, largest)
-            else:
+            if not goal.feedback:
                 self.line(f"{goal.controller}: goal accepted")
                 if goal.note:
                     print(f"warning: {goal.controller}: {goal.note}", file=sys.stderr)
+            elif goal.controller not in self._untold:
+                self._untold[goal.controller] = goal.sent_at
         elif goal.status.is_terminal:
-            self._errors.pop(goal.controller, None)
+            if goal.controller in self._untold and not self._is_quiet:
+                assert self._simulation is not None
+                self._tell_errors(self._simulation.time)
+            self._untold.pop(goal.controller, None)
+            self._errors = ""
             self.line(f"{goal.controller}: {goal.describe()}")
 
 

@@ -480,7 +480,7 @@ def _prepare(
     for name, _ in camera_images(options):
         simulation.camera(name)
     say.controllers(simulation)
-    simulation.on_event(say.event)
+    say.watch(simulation)
     start_log(options, simulation)
     return simulation
 

@@ -172,6 +172,14 @@ _METRES, _DECIMETRES = Rgba(0.42, 0.44, 0.47), Rgba(0.57, 0.58, 0.60)
 _GROUND_PATH = f"{_GRID}/ground"
 _PLANE = f"{_GROUND_PATH}/plane"
 
+# The world's axes: their length, their width [m].
+_AXIS, _AXIS_WIDTH = 0.5, 0.004
+_AXIS_COLORS = {
+    "x": Rgba(0.85, 0.1, 0.1),
+    "y": Rgba(0.1, 0.6, 0.1),
+    "z": Rgba(0.1, 0.2, 0.9),
+}
+
 # The ground of a world that says how its own looks: as large as that says.
 _OWN_GROUND = "/Ground"
 _OWN_PLANE = f"{_OWN_GROUND}/plane"
@@ -336,11 +344,11 @@ def grid_scale(diameter: float) -> float:
 def show_ground(
     meshcat: Meshcat, *, has_lines: bool = True, look: "GroundLook | None" = None
 ) -> None:
-    """Draw the plane z = 0 with lines 1 m and 0.1 m apart, and a sun with shadows.
+    """Draw the plane z = 0 with lines 1 m and 0.1 m apart, axes, a sun with shadows.
 
     Lines and plane are below `/Grid`, in the place of Meshcat's own grid, and as
-    visible. A world's own `look` takes the plane's place; without lines there is no
-    other.
+    visible; axes are below `/Axes`, in the place of Meshcat's own, which are a pixel
+    wide. A world's own `look` takes the plane's place; without lines there is no other.
     """
     if has_lines:
         meshcat.SetProperty(f"{_GRID}/<object>", "visible", False)
@@ -358,6 +366,7 @@ def show_ground(
         else:
             meshcat.SetObject(_OWN_PLANE, _textured(look.size, look.texture), color)
         meshcat.SetTransform(_OWN_PLANE, top)
+    _show_axes(meshcat)
     _show_sun(meshcat)
 
 
@@ -430,6 +439,16 @@ def _show_lines(meshcat: Meshcat) -> None:
     ):
         vertices, faces = _stripes(step, length, width, height)
         meshcat.SetTriangleMesh(f"{_GRID}/{name}", vertices, faces, color)
+
+
+def _show_axes(meshcat: Meshcat) -> None:
+    meshcat.SetProperty(f"{_AXES}/<object>", "visible", False)
+    for (name, color), along in zip(_AXIS_COLORS.items(), np.eye(3), strict=True):
+        path = f"{_AXES}/{name}"
+        meshcat.SetObject(
+            path, Box(*(_AXIS_WIDTH + (_AXIS - _AXIS_WIDTH) * along)), color
+        )
+        meshcat.SetTransform(path, RigidTransform(_AXIS / 2.0 * along))
 
 
 def _show_sun(meshcat: Meshcat) -> None:

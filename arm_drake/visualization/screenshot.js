@@ -99,7 +99,8 @@ window.arm_drake = (() => {
         ground.position.set(
             grid * Math.round(target[0] / grid), grid * Math.round(target[1] / grid), 0);
         find("Ground").scale.z = grid;
-        find("Axes").visible = false;
+        // At the world's origin, as long as the page's for robots that large.
+        find("Axes").scale.setScalar(grid);
         viewer.set_3d_pane_size(width, height);
     };
 

@@ -21,6 +21,7 @@ import arm_drake as ad
 from arm_drake.cli import main
 from arm_drake.errors import OutputError
 from arm_drake.visualization.screenshot import (
+    FIELD_OF_VIEW,
     BrowserError,
     Photographer,
     save_screenshot,
@@ -46,20 +47,20 @@ MARGIN = 0.06
 EDGE = 3
 
 
-def red_arm(scale: float) -> str:
-    """Return an arm of red boxes, as high in metres as the scale says."""
+def magenta_arm(scale: float) -> str:
+    """Return an arm of magenta boxes, as high in metres as the scale says."""
 
     def visual(size: str, xyz: str) -> str:
         return (
             f'<visual><origin xyz="{xyz}"/><geometry><box size="{size}"/></geometry>'
-            '<material name="red"><color rgba="1 0 0 1"/></material></visual>'
+            '<material name="magenta"><color rgba="1 0 1 1"/></material></visual>'
         )
 
     half, width = 0.5 * scale, 0.1 * scale
     part = visual(f"{width} {width} {half}", f"0 0 {half / 2.0}")
     foot = visual(f"{3 * width} {2 * width} {0.2 * width}", f"0 0 {0.1 * width}")
     return f"""
-<robot name="red">
+<robot name="magenta">
   {bob("lower", "0 0 0", foot + part)}{bob("upper", "0 0 0", part)}
   <joint name="elbow" type="revolute">
     <origin xyz="0 0 {half}"/><axis xyz="0 1 0"/>
@@ -75,10 +76,10 @@ def read(data: bytes | Path) -> Picture:
         return np.asarray(image.convert("RGB")).astype(np.int16)
 
 
-def red_of(picture: Picture) -> NDArray[np.bool_]:
-    """Return which pixels are far more red than anything else."""
+def magenta_of(picture: Picture) -> NDArray[np.bool_]:
+    """Return which pixels are magenta, which neither the axes nor the ground are."""
     red, green, blue = np.moveaxis(picture, 2, 0)
-    return red > np.maximum(green, blue) + 40
+    return np.minimum(red, blue) > green + 40
 
 
 def assert_framed(mask: NDArray[np.bool_]) -> None:
@@ -120,17 +121,17 @@ def test_a_robot_of_any_size_fills_the_picture(
     scale: float,
 ) -> None:
     meshcat = start_meshcat()
-    show_robot(meshcat, load(tmp_path, red_arm(scale)))
+    show_robot(meshcat, load(tmp_path, magenta_arm(scale)))
 
     data, _ = photographer.take_picture(meshcat, size=SIZE)
 
     picture = read(data)
     assert picture.shape == (HEIGHT, WIDTH, 3)
-    red = red_of(picture)
-    assert_framed(red)
-    assert red.mean() > 0.03
+    magenta = magenta_of(picture)
+    assert_framed(magenta)
+    assert magenta.mean() > 0.03
     # Neither in the dark nor in glaring light.
-    assert 120 < picture[red][:, 0].mean() < 250
+    assert 120 < picture[magenta][:, 0].mean() < 250
 
 
 def test_size_makes_no_difference_to_the_picture(
@@ -139,11 +140,44 @@ def test_size_makes_no_difference_to_the_picture(
     pictures = []
     for scale in (0.01, 10.0):
         meshcat = start_meshcat()
-        show_robot(meshcat, load(tmp_path, red_arm(scale)))
+        show_robot(meshcat, load(tmp_path, magenta_arm(scale)))
         pictures.append(read(photographer.take_picture(meshcat, size=SIZE)[0]))
 
     # 1000 times as large: the same light, the same grid.
     assert difference(*pictures).mean() < 0.002
+
+
+@pytest.mark.parametrize("scale", [0.01, 1.0])
+def test_the_worlds_axes_are_at_its_origin(
+    photographer: Photographer,
+    start_meshcat: StartMeshcat,
+    tmp_path: Path,
+    scale: float,
+) -> None:
+    # To the left of the origin, as the camera sees it.
+    beside = (-0.24 * scale, -0.19 * scale, 0.0, 0.0, 0.0, 0.0)
+    file = tmp_path / "robot.urdf"
+    file.write_text(magenta_arm(scale), encoding="utf-8")
+    meshcat = start_meshcat()
+    show_robot(meshcat, ad.load_robot(file, controllers=[], pose=beside))
+
+    data, camera = photographer.take_picture(meshcat, size=SIZE)
+
+    picture = read(data)
+    forward = np.subtract(camera.target, camera.eye)
+    right = np.cross(forward, (0.0, 0.0, 1.0))
+    sides = np.stack([right, -np.cross(right, forward), forward])
+    sides /= np.linalg.norm(sides, axis=1, keepdims=True)
+    focal = HEIGHT / 2.0 / np.tan(FIELD_OF_VIEW / 2.0)
+    for axis, along in enumerate(scale * np.eye(3)):
+        # On the axis, and where it goes on no more.
+        for length, is_drawn in ((0.2, True), (0.4, True), (0.6, False)):
+            x, y, depth = sides @ (length * along - camera.eye)
+            column = round(WIDTH / 2.0 + focal * x / depth)
+            row = round(HEIGHT / 2.0 + focal * y / depth)
+            around = picture[row - 2 : row + 3, column - 2 : column + 3]
+            others = np.delete(around, axis, axis=2).max(axis=2)
+            assert (around[:, :, axis] > others + 60).any() == is_drawn
 
 
 def test_a_bundled_robot_fills_the_picture(
@@ -151,11 +185,12 @@ def test_a_bundled_robot_fills_the_picture(
 ) -> None:
     meshcat = start_meshcat()
     show_robot(meshcat, ad.load_robot("doosan_a0912"))
-    meshcat.SetProperty("/Grid", "visible", False)
+    for ground in ("/Grid", "/Axes"):
+        meshcat.SetProperty(ground, "visible", False)
 
     data, _ = photographer.take_picture(meshcat)
 
-    # Without a ground the background has one colour in each row.
+    # Without a ground and axes the background has one colour in each row.
     picture = read(data)
     assert picture.shape == (960, 1280, 3)
     background = np.median(picture, axis=1, keepdims=True)
@@ -171,31 +206,31 @@ def test_the_ground_shows_metres_and_the_robots_shadow(
     pictures = []
     for has_shadow in (True, False):
         meshcat = start_meshcat()
-        show_robot(meshcat, load(tmp_path, red_arm(1.0)))
+        show_robot(meshcat, load(tmp_path, magenta_arm(1.0)))
         if not has_shadow:
             light = "/Lights/FillLight/<object>"
             meshcat.SetProperty(light, "castShadow", False)
         pictures.append(read(photographer.take_picture(meshcat, size=SIZE)[0]))
 
-    red = grow(red_of(pictures[0]), 5)
+    magenta = grow(magenta_of(pictures[0]), 5)
     darker = (pictures[1] - pictures[0]).mean(axis=2)
     # Behind the arm, below the horizon.
-    assert 0.005 < (darker[~red] > 8).mean() < 0.2
+    assert 0.005 < (darker[~magenta] > 8).mean() < 0.2
     assert not (darker[: HEIGHT // 10] > 8).any()
     # The ground is brighter than its lines.
     bottom = pictures[1][-HEIGHT // 5 :].mean(axis=2)
     assert 0.02 < (bottom < np.median(bottom) - 10).mean() < 0.3
 
 
-# The arm of `red_arm` in a scene.
-RED = "drake/visual/red"
+# The arm of `magenta_arm` in a scene.
+MAGENTA = "drake/visual/magenta"
 
 
 def darkened_by_shadows(photographer: Photographer, meshcat: Meshcat) -> Picture:
     """Return how much darker a picture is because of shadows."""
 
     def take() -> Picture:
-        return read(photographer.take_picture(meshcat, size=SIZE, paths=[RED])[0])
+        return read(photographer.take_picture(meshcat, size=SIZE, paths=[MAGENTA])[0])
 
     with_shadows = take()
     meshcat.SetProperty("/Lights/FillLight/<object>", "castShadow", False)
@@ -207,7 +242,7 @@ def test_a_robot_in_the_house_casts_a_shadow_on_the_floor(
 ) -> None:
     meshcat = start_meshcat()
     diagram = ad.build_diagram(
-        load(tmp_path, red_arm(1.0)), world="house", meshcat=meshcat
+        load(tmp_path, magenta_arm(1.0)), world="house", meshcat=meshcat
     )
     diagram.ForcedPublish(diagram.CreateDefaultContext())
 
@@ -238,11 +273,11 @@ def test_the_ground_has_the_colours_of_its_file(
     )
     meshcat = start_meshcat()
     diagram = ad.build_diagram(
-        load(tmp_path, red_arm(1.0)), world=world, meshcat=meshcat
+        load(tmp_path, magenta_arm(1.0)), world=world, meshcat=meshcat
     )
     diagram.ForcedPublish(diagram.CreateDefaultContext())
     above, _ = photographer.take_picture(
-        meshcat, size=SIZE, paths=[RED], direction=(0.0, -0.3, 1.0)
+        meshcat, size=SIZE, paths=[MAGENTA], direction=(0.0, -0.3, 1.0)
     )
 
     picture = read(above)[:, : WIDTH // 8]
@@ -278,7 +313,7 @@ def test_the_map_of_shadows_has_its_size_before_it_is_drawn(
     browser: Browser, start_meshcat: StartMeshcat, tmp_path: Path
 ) -> None:
     meshcat = start_meshcat()
-    show_robot(meshcat, load(tmp_path, red_arm(1.0)))
+    show_robot(meshcat, load(tmp_path, magenta_arm(1.0)))
     page = browser.new_page()
     page.add_init_script(DRAW_WITH_SHADOWS)
     page.goto(meshcat.web_url())
@@ -294,13 +329,13 @@ def test_a_picture_is_as_large_as_asked_for_and_the_robot_inside(
     photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
 ) -> None:
     meshcat = start_meshcat()
-    show_robot(meshcat, load(tmp_path, red_arm(1.0)))
+    show_robot(meshcat, load(tmp_path, magenta_arm(1.0)))
 
     data, _ = photographer.take_picture(meshcat, size=(200, 600))
 
     picture = read(data)
     assert picture.shape == (600, 200, 3)
-    assert_framed(red_of(picture))
+    assert_framed(magenta_of(picture))
 
 
 def test_a_joint_that_follows_is_drawn_where_it_belongs(
@@ -327,9 +362,9 @@ def test_only_some_of_the_scene_may_be_framed(
     photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
 ) -> None:
     meshcat = start_meshcat()
-    show_robot(meshcat, load(tmp_path, red_arm(1.0)))
+    show_robot(meshcat, load(tmp_path, magenta_arm(1.0)))
 
-    paths = ["drake/visual/red/upper"]
+    paths = ["drake/visual/magenta/upper"]
     _, camera = photographer.take_picture(meshcat, size=SIZE, paths=paths)
 
     # The upper half, a box from 0.5 m to 1 m.
@@ -352,7 +387,7 @@ def test_the_camera_of_the_page_stays_where_it_is(
     photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
 ) -> None:
     meshcat = start_meshcat()
-    show_robot(meshcat, load(tmp_path, red_arm(1.0)))
+    show_robot(meshcat, load(tmp_path, magenta_arm(1.0)))
     before = meshcat._GetPackedProperty("/Cameras/default/rotated/<object>", "position")
 
     photographer.take_picture(meshcat, size=SIZE)
@@ -367,20 +402,20 @@ def test_the_command_takes_a_picture_in_the_given_position(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     robot, picture = tmp_path / "robot.urdf", tmp_path / "robot.png"
-    robot.write_text(red_arm(1.0), encoding="utf-8")
+    robot.write_text(magenta_arm(1.0), encoding="utf-8")
     words = ["view", str(robot), "--position", "1.5708", "--screenshot", str(picture)]
 
     code = main([*words, "--json"])
 
     content = json.loads(capsys.readouterr().out)
     assert code == 0
-    assert content["robot"] == "red"
+    assert content["robot"] == "magenta"
     assert content["positions"] == {"elbow": 1.5708}
     assert content["screenshot"] == str(picture)
-    red = red_of(read(picture))
-    assert_framed(red)
+    magenta = magenta_of(read(picture))
+    assert_framed(magenta)
     # Half of the arm lies flat: the robot is wider than high, and it was not.
-    rows, columns = np.nonzero(red)
+    rows, columns = np.nonzero(magenta)
     assert np.ptp(columns) > np.ptp(rows)
 
 
@@ -402,7 +437,7 @@ def test_a_picture_that_cannot_be_written_names_the_file(
     photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
 ) -> None:
     meshcat = start_meshcat()
-    show_robot(meshcat, load(tmp_path, red_arm(1.0)))
+    show_robot(meshcat, load(tmp_path, magenta_arm(1.0)))
     file = tmp_path / "missing" / "robot.png"
 
     with pytest.raises(OutputError) as caught:
@@ -471,7 +506,7 @@ def test_the_browser_is_gone_afterwards(
     photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
 ) -> None:
     meshcat = start_meshcat()
-    show_robot(meshcat, load(tmp_path, red_arm(1.0)))
+    show_robot(meshcat, load(tmp_path, magenta_arm(1.0)))
     before = _programs()
     threads = set(threading.enumerate())
 

@@ -16,7 +16,7 @@ from arm_drake.cli import main
 from arm_drake.errors import InputError
 from arm_drake.visualization.screenshot import BrowserError, Photographer
 from arm_drake.visualization.video import Film, save_video
-from tests.browser.test_screenshot import assert_framed, read, red_arm, red_of
+from tests.browser.test_screenshot import assert_framed, magenta_arm, magenta_of, read
 from tests.robots import skip_or_fail
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
@@ -42,9 +42,9 @@ def photographer() -> Iterator[Photographer]:
 
 
 def record(meshcat: Meshcat, way: dict[float, float]) -> None:
-    """Record a red cube that is at some places y [m] at some times [s]."""
+    """Record a magenta cube that is at some places y [m] at some times [s]."""
     path = "/drake/visual/cube"
-    meshcat.SetObject(path, Box(0.2, 0.2, 0.2), Rgba(1.0, 0.0, 0.0, 1.0))
+    meshcat.SetObject(path, Box(0.2, 0.2, 0.2), Rgba(1.0, 0.0, 1.0, 1.0))
     meshcat.StartRecording(RATE)
     for time, y in way.items():
         # In the middle of a picture's time: Meshcat rounds down.
@@ -70,8 +70,8 @@ def read_film(path: Path) -> tuple[str, Frames]:
 
 
 def columns(frames: Frames) -> NDArray[np.float64]:
-    """Return the mean column of what is red in each picture."""
-    return np.array([np.nonzero(red_of(frame))[1].mean() for frame in frames])
+    """Return the mean column of what is magenta in each picture."""
+    return np.array([np.nonzero(magenta_of(frame))[1].mean() for frame in frames])
 
 
 def test_every_moment_is_shown_at_its_time(
@@ -112,7 +112,7 @@ def test_a_film_has_the_colours_of_the_page(
     # JPEG, H.264 and YUV of 8 bits change flat colours by 2 to 3 of 255 each.
     data, _ = photographer.take_picture(meshcat, size=SIZE)
     still = read(data)
-    inside = red_of(still) & red_of(frames[-1])
+    inside = magenta_of(still) & magenta_of(frames[-1])
     assert inside.mean() > 0.1
     error = (frames[-1] - still)[inside].mean(axis=0)
     np.testing.assert_allclose(error, 0.0, atol=9.0)
@@ -130,7 +130,7 @@ def test_all_of_the_motion_is_in_the_picture(
     save_video(meshcat, path, size=size, photographer=photographer)
 
     _, frames = read_film(path)
-    assert_framed(np.any([red_of(frame) for frame in frames], axis=0))
+    assert_framed(np.any([magenta_of(frame) for frame in frames], axis=0))
 
 
 def test_what_is_filmed_until_ctrl_c_is_kept(
@@ -175,7 +175,7 @@ def test_the_command_films_a_simulation(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     robot, path = tmp_path / "robot.urdf", tmp_path / "film.mp4"
-    robot.write_text(red_arm(1.0), encoding="utf-8")
+    robot.write_text(magenta_arm(1.0), encoding="utf-8")
 
     words = ["sim", str(robot), "--headless", "--duration", "0.5"]
     code = main([*words, "--video", str(path)])
@@ -183,6 +183,6 @@ def test_the_command_films_a_simulation(
     assert code == 0
     _, frames = read_film(path)
     assert len(frames) == 16
-    assert_framed(np.any([red_of(frame) for frame in frames], axis=0))
+    assert_framed(np.any([magenta_of(frame) for frame in frames], axis=0))
     size = path.stat().st_size / 1e6
     assert f"video: {path} (0.5 s, {size:.1f} MB)\n" in capsys.readouterr().out

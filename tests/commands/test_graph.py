@@ -1,6 +1,8 @@
 """`arm-drake graph`: what a robot's files say is in the picture."""
 
 import json
+import subprocess
+import sys
 import xml.etree.ElementTree as ET
 
 import pytest
@@ -53,7 +55,7 @@ def test_a_bundled_robot_is_drawn_with_all_controllers_and_interfaces(run, tmp_p
     assert (code, out, err) == (0, f"graph: {file}\n", "")
     joints = [f"joint{number}" for number in range(1, 7)]
     names = {f"{j}/{i}" for j in joints for i in ("position", "velocity", "effort")}
-    names |= {"a0912", JTC, "joint_state_broadcaster", "active"}
+    names |= {"doosan_a0912", JTC, "joint_state_broadcaster", "active"}
     names |= {f"{JTC}/JointTrajectoryController", "→ joint_trajectory"}
     names |= {"joint_state_broadcaster/JointStateBroadcaster", "joint_states →"}
     assert names <= texts(file)
@@ -171,3 +173,20 @@ def test_a_chain_leads_from_controller_to_controller(tmp_path):
     assert [node.followers for node in graph.controllers] == [("pid",), (), ()]
     assert graph.notes[0] == "top commands pid"
     assert '"controller top" -> "controller pid";' in make_dot(graph)
+
+
+@pytest.mark.slow
+def test_a_graph_as_text_does_not_wait_for_matplotlib(tmp_path):
+    file = tmp_path / "graph.dot"
+    words = [*map(str, write(tmp_path, pendulum())), "-o", str(file)]
+
+    done = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "arm_drake", "graph", *words],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+
+    assert "arm_drake.commands.graph" in done.stderr
+    assert "matplotlib" not in done.stderr
+    assert file.read_text(encoding="utf-8").startswith('digraph "pendulum" {\n')

@@ -83,7 +83,7 @@ def test_the_same_graph_gives_the_same_svg(tmp_path):
 
 @pytest.mark.slow
 def test_names_in_a_picture_do_not_overlap_and_none_is_cut_off(tmp_path):
-    from arm_drake.visualization.control_graph import draw_graph
+    from arm_drake.visualization.graph_picture import draw_graph
 
     figure = draw_graph(GRAPH).figure
 
