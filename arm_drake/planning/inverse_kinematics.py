@@ -53,8 +53,8 @@ _JUMP = 0.3
 # So many tries are made one by one where one solution is wanted; others at once.
 _ALONE = 6
 
-# Tries when all solutions are wanted, and when there can be none. Where there are some
-# the nearest starts lead to one: after so many in vain, all of them aren't looked for.
+# Tries when all solutions are wanted, and when there can be none. The nearest starts
+# lead to most: where so many lead to no new one, others aren't looked for.
 _ALL_TRIES, _FAR_TRIES, _VAIN_TRIES = 100, 3, 25
 
 
@@ -556,21 +556,22 @@ def _search(
 ) -> tuple[list[_Found], _End]:
     """Return solutions, the nearest to q first, and the best end of a try."""
     found: list[_Found] = []
-    best: _End | None = None
+    met: list[np.ndarray] = []
+    best, newest = None, 0
     ends = _descend(chain, q, target, most, finds_all)
     for tries, end in enumerate(ends, start=1):
         if best is None or end.error < best.error:
             best = end
-        if finds_all and tries >= _VAIN_TRIES and not target.is_met(best):
-            break
-        if not target.is_met(end):
-            continue
-        end = end._replace(values=chain.unwind(end.values, q))
-        if is_free is not None and not is_free(end.values):
-            continue
-        if all(np.max(np.abs(end.values - f.end.values)) > _SAME for f in found):
-            found.append(_Found(end, tries))
-        if not finds_all:
+        if target.is_met(end):
+            end = end._replace(values=chain.unwind(end.values, q))
+            if all(np.max(np.abs(end.values - values)) > _SAME for values in met):
+                met.append(end.values)
+                newest = tries
+                if is_free is None or is_free(end.values):
+                    found.append(_Found(end, tries))
+                    if not finds_all:
+                        break
+        if finds_all and tries >= newest + _VAIN_TRIES and tries % _VAIN_TRIES == 0:
             break
     assert best is not None
     found.sort(key=lambda each: float(np.linalg.norm(each.end.values - q[chain.at])))

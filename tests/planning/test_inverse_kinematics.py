@@ -153,6 +153,20 @@ def test_not_all_solutions_are_looked_for_where_there_is_none(
     assert sum(tries) == 25
 
 
+def test_more_solutions_are_not_looked_for_when_no_new_one_comes(
+    planar: ad.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tries = count_tries(monkeypatch)
+
+    solution = planar.solve_ik(
+        "tip", [1.0, 0.5, 0, 0, 0, 0], mask=POSITION, all_solutions=True
+    )
+
+    # Both sides of the elbow are met by the nearest starts.
+    assert len(solution.others) == 1
+    assert tries == [25, 25]
+
+
 def test_limits_that_stand_in_the_way_are_named() -> None:
     robot = robot_of(
         joint("turn", "base", "arm", limits=(-0.5, 0.5)),
