@@ -15,18 +15,14 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from pydrake.math import RigidTransform
 
-from arm_drake.manipulation.hand import (
+from arm_drake.manipulation.activities import (
     Activity,
     Failure,
-    Hand,
-    PickOptions,
-    Place,
     Runner,
     perform,
-    read_goal,
     read_options,
-    shifted,
 )
+from arm_drake.manipulation.hand import Hand, PickOptions, Place, read_goal, shifted
 from arm_drake.manipulation.visual_servoing import PIXELS, find_label
 from arm_drake.perception.boxes import FoundBox, find_box
 from arm_drake.perception.cameras import CameraHandle

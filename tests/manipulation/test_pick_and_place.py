@@ -18,7 +18,8 @@ import arm_drake as ad
 from arm_drake.description.bundled import configs_folder
 from arm_drake.errors import MotionError
 from arm_drake.manipulation import pick_and_place
-from arm_drake.manipulation.hand import Activity, Failure, Hand, PickOptions, perform
+from arm_drake.manipulation.activities import Activity, Failure, perform
+from arm_drake.manipulation.hand import Hand, PickOptions
 from arm_drake.manipulation.pick_and_place import placing
 from arm_drake.planning.grippers import find_gripper
 from arm_drake.planning.groups import find_group
@@ -445,6 +446,27 @@ def test_what_is_out_of_reach_is_said() -> None:
     assert "the arm reaches none" in picked.reason
 
 
+@pytest.mark.parametrize(
+    ("x", "goal", "where"), [(1.2, (0.2, 0.1, 0.02), ""), (0.2, (0.8, 0.0), "goal")]
+)
+def test_what_is_too_far_is_refused_by_its_distance(
+    x: float, goal: tuple[float, ...], where: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    simulation = simulate(at(BOX, x, 0.0))
+    asked, solve = [], Hand.solve
+
+    def count(hand: Hand, X_WP: RigidTransform) -> list[dict[str, float]]:
+        asked.append(X_WP)
+        return solve(hand, X_WP)
+
+    monkeypatch.setattr(Hand, "solve", count)
+    found = Hand(simulation, PickOptions(goal=(*goal, 0.02)[:3])).choose("box", [])
+
+    assert len(asked) == 1
+    assert "it is out of reach" in found
+    assert where in found
+
+
 def test_where_the_palm_did_not_get_to_is_not_tried_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -469,6 +491,25 @@ def test_where_the_palm_did_not_get_to_is_not_tried_again(
         or miss.rotation().ToAngleAxis().angle() > 0.05
         for miss in misses
     )
+
+
+def test_the_reason_is_that_of_a_grasp_that_got_to_the_goal(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    simulation = simulate(at(BOX, 0.2, 0.05))
+    asked: list[RigidTransform] = []
+
+    def solve(_: Hand, X_WP: RigidTransform) -> list[dict[str, float]]:
+        asked.append(X_WP)
+        if len(asked) == 2:
+            return []
+        raise Failure("reach", "here" if X_WP.translation()[1] > -0.05 else "there")
+
+    monkeypatch.setattr(Hand, "solve", solve)
+    found = Hand(simulation, PickOptions(goal=(0.2, -0.3, 0.02))).choose("box", [])
+
+    assert isinstance(found, str)
+    assert found.endswith("at its goal: there")
 
 
 @pytest.mark.slow
