@@ -530,25 +530,71 @@ def test_what_is_lost_on_the_way_is_not_placed() -> None:
     goal = (0.15, -0.15, 0.02)
     picked = ad.pick(simulation, "box", goal=goal)
     assert picked, picked.reason
-    plant, began = simulation.plant, simulation.time
 
-    activity, is_taken = placing(simulation, goal), False
+    def take(_: RigidTransform) -> RigidTransform:
+        return RigidTransform([-0.3, 0.3, 0.02])
+
+    placed = place_and_move(simulation, goal, take)
+
+    assert not placed
+    assert placed.reason == "'box' was lost on the way"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_seen", [False, True])
+def test_what_moves_in_the_fingers_on_the_way_is_told_and_made_up_for(
+    is_seen: bool,
+) -> None:
+    simulation = simulate(at(BOX, 0.2, 0.05, 0.4))
+    goal = (0.15, -0.15, 0.02, 0.0, 0.0, 0.9)
+    picked = ad.pick(simulation, "box", goal=goal)
+    assert picked, picked.reason
+
+    def slide(X_WB: RigidTransform) -> RigidTransform:
+        hand = Hand(simulation, PickOptions())
+        across = hand.palm().rotation().matrix() @ hand.gripper.closing_axis
+        aside = np.cross([0.0, 0.0, 1.0], across)
+        return RigidTransform(X_WB.rotation(), X_WB.translation() + 4e-3 * aside)
+
+    more = {"held": picked.X_PO} if is_seen else {}
+    placed = place_and_move(simulation, goal, slide, **more)
+
+    assert placed
+    assert placed.slip_distance == pytest.approx(4e-3, abs=1e-3)
+    assert placed.slip_angle < 0.05
+    if is_seen:
+        assert placed.reason == (
+            f"'box' moved by {1e3 * placed.slip_distance:.1f} mm and "
+            f"{placed.slip_angle:.2f} rad in the gripper on the way, and was placed "
+            "as it was seen"
+        )
+        assert placed.position_error == pytest.approx(4e-3, abs=1e-3)
+    else:
+        assert placed.reason == ""
+        assert placed.position_error < 1e-3
+
+
+def place_and_move(
+    simulation: ad.Simulation,
+    goal: Any,
+    change: Callable[[RigidTransform], RigidTransform],
+    **options: Any,
+) -> ad.PlaceResult:
+    """Place the box, and put it elsewhere by its pose on the way."""
+    plant, began = simulation.plant, simulation.time
+    activity, is_changed = placing(simulation, goal, **options), False
     while True:
         try:
             simulation.advance_to(max(next(activity), simulation.time))
         except StopIteration as stop:
-            placed = stop.value
-            break
-        if simulation.time > began + 0.3 and not is_taken:
-            is_taken = True
+            result: ad.PlaceResult = stop.value
+            return result
+        if simulation.time > began + 0.3 and not is_changed:
+            is_changed = True
             context = plant.GetMyMutableContextFromRoot(simulation.context)
             body = plant.GetBodyByName("box")
-            plant.SetFloatingBaseBodyPoseInWorldFrame(
-                context, body, RigidTransform([-0.3, 0.3, 0.02])
-            )
-
-    assert not placed
-    assert placed.reason == "'box' was lost on the way"
+            X_WB = change(plant.EvalBodyPoseInWorld(context, body))
+            plant.SetFloatingBaseBodyPoseInWorldFrame(context, body, X_WB)
 
 
 def test_an_unknown_thing_or_option_is_an_error_that_names_those_there_are() -> None:
