@@ -156,7 +156,7 @@ class Drive(NamedTuple):
         if self.kind == "commands":
             handle.command(values)
         elif self.kind == "gripper":
-            handle.send_goal(GripperCommand(values[0]))
+            handle.send_goal(GripperCommand(values[0])).is_part = True
         else:
             point = JointTrajectoryPoint(
                 positions=values, time_from_start=Duration.of(_GRIPPER_TIME)
@@ -182,6 +182,7 @@ class Drive(NamedTuple):
             return
         handle = simulation.controller(self.controller)
         goal = handle.send_goal(found.trajectory)
+        goal.is_part = True
         end = simulation.time + found.duration + _PATIENCE
         while not goal.status.is_terminal and simulation.time < end:
             yield simulation.time + LOOK
