@@ -55,7 +55,7 @@ _STALLED, _STALL_TIME, _GRIPPER_PATIENCE = 0.02, 0.2, 6.0
 _BEGIN, _LET_GO = 0.3, 2.0
 
 # Distance that counts as a collision on straight ways to things and from them, and on
-# other ways [m].
+# other ways, if there are any that keep it [m].
 _CLOSE, _FAR = 1e-3, 5e-3
 
 # Joints that an arm needs to turn its gripper as it is asked to, and how nearly an axis
@@ -528,10 +528,18 @@ class Hand:
                 constraint = OrientationConstraint(self.gripper.palm, limit)
                 more["path_constraint"] = constraint
         yield from self._settle()
-        try:
-            found = self._plan(to, straight=straight, ignore=ignore, **more)
-        except (PlanningError, NoSolution) as error:
-            raise Failure(stage, str(error)) from None
+        reasons = []
+        # What the arm gets to on a straight line may be nearer than other ways keep.
+        for padding in (_CLOSE,) if straight else (_FAR, _CLOSE):
+            try:
+                found = self._plan(
+                    to, straight=straight, ignore=ignore, padding=padding, **more
+                )
+                break
+            except (PlanningError, NoSolution) as error:
+                reasons.append(str(error))
+        else:
+            raise Failure(stage, reasons[0])
         yield from self._arm.follow(self.simulation, found, stage)
         yield from self._settle()
 
@@ -541,6 +549,7 @@ class Hand:
         *,
         straight: bool,
         ignore: Sequence[str],
+        padding: float = _CLOSE,
         **more: Any,
     ) -> Plan:
         """Return a plan for the palm, or joints."""
@@ -554,7 +563,7 @@ class Hand:
             straight=straight,
             ignore=ignore,
             mask=self._mask,
-            padding=_CLOSE if straight else _FAR,
+            padding=padding,
             velocity_scaling=options.velocity_scaling,
             acceleration_scaling=options.acceleration_scaling,
             time_limit=options.time_limit,

@@ -17,12 +17,18 @@ from pydrake.multibody.tree import SpatialInertia
 import arm_drake as ad
 from arm_drake.description.bundled import configs_folder
 from arm_drake.errors import MotionError
-from arm_drake.manipulation import pick_and_place
-from arm_drake.manipulation.activities import Activity, Failure, perform
+from arm_drake.manipulation import hand, pick_and_place
+from arm_drake.manipulation.activities import (
+    Activity,
+    Failure,
+    find_drive,
+    perform,
+)
 from arm_drake.manipulation.hand import Hand, PickOptions
 from arm_drake.manipulation.pick_and_place import placing
 from arm_drake.planning.grippers import find_gripper
 from arm_drake.planning.groups import find_group
+from arm_drake.planning.setting import PlanningError
 from arm_drake.simulation.motion_files import load_motion, parse_motion
 from arm_drake.simulation.recording import list_failures
 from arm_drake.worlds.things import with_things
@@ -132,12 +138,12 @@ def test_ways_begin_where_a_base_has_gone_to() -> None:
     body = plant.GetBodyByName(base)
     X_WB = RigidTransform(RollPitchYaw(0.0, 0.0, 1.0), [0.5, -0.3, 0.2])
     plant.SetFloatingBaseBodyPoseInWorldFrame(context, body, X_WB)
-    hand = Hand(simulation, PickOptions())
+    arm = Hand(simulation, PickOptions())
 
-    nearest, *_ = hand.solve(hand.palm())
+    nearest, *_ = arm.solve(arm.palm())
 
     assert nearest == pytest.approx(start, abs=1e-3)
-    assert find_gripper(robot) is hand.gripper  # It is measured once.
+    assert find_gripper(robot) is arm.gripper  # It is measured once.
 
 
 def test_what_takes_efforts_is_not_sent_positions() -> None:
@@ -157,8 +163,7 @@ def test_what_takes_efforts_is_not_sent_positions() -> None:
     def find(*controllers: Any) -> Any:
         robot = SimpleNamespace(controllers=SimpleNamespace(controllers=controllers))
         simulation = SimpleNamespace(list_controllers=list)
-        hand: Any = SimpleNamespace(simulation=simulation, robot=robot, prefix="")
-        return Hand._find_drive(hand, joints.value)
+        return find_drive(simulation, robot, "", joints.value)
 
     assert find(efforts, arm).controller == "arm_controller"
     with pytest.raises(ad.ArmDrakeError, match=r"there are 'efforts'"):
@@ -171,7 +176,7 @@ def test_fingers_that_never_rest_are_a_failure() -> None:
     gripper = SimpleNamespace(
         open={"f": 0.0}, closed={"f": 1.0}, positions=lambda closed: {"f": closed}
     )
-    hand: Any = SimpleNamespace(
+    arm: Any = SimpleNamespace(
         simulation=simulation,
         gripper=gripper,
         _positions=lambda: {"f": 0.5 + 0.1 * math.sin(20.0 * simulation.time)},
@@ -179,7 +184,7 @@ def test_fingers_that_never_rest_are_a_failure() -> None:
     )
 
     with pytest.raises(Failure, match="neither arrive nor stall"):
-        perform(simulation, Hand.move_gripper(hand, 1.0, "close"))
+        perform(simulation, Hand.move_gripper(arm, 1.0, "close"))
 
     assert 5.0 < simulation.time < 10.0
 
@@ -458,9 +463,9 @@ def test_what_is_too_far_is_refused_by_its_distance(
     simulation = simulate(at(BOX, x, 0.0))
     asked, solve = [], Hand.solve
 
-    def count(hand: Hand, X_WP: RigidTransform) -> list[dict[str, float]]:
+    def count(arm: Hand, X_WP: RigidTransform) -> list[dict[str, float]]:
         asked.append(X_WP)
-        return solve(hand, X_WP)
+        return solve(arm, X_WP)
 
     monkeypatch.setattr(Hand, "solve", count)
     found = Hand(simulation, PickOptions(goal=(*goal, 0.02)[:3])).choose("box", [])
@@ -494,6 +499,27 @@ def test_where_the_palm_did_not_get_to_is_not_tried_again(
         or miss.rotation().ToAngleAxis().angle() > 0.05
         for miss in misses
     )
+
+
+def test_where_no_way_keeps_its_distance_a_nearer_one_is_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    simulation = simulate()
+    arm, paddings = Hand(simulation, PickOptions()), []
+    joint = arm.gripper.group.joints[0]
+
+    def plan(*args: Any, padding: float, **options: Any) -> ad.Plan:
+        paddings.append(padding)
+        if padding == 5e-3:
+            raise PlanningError("'link3' and 'link6' are 4.18 mm apart")
+        return ad.plan(*args, padding=padding, **options)
+
+    monkeypatch.setattr(hand, "plan", plan)
+    perform(simulation, arm.move({joint: 0.1}, "reach"))
+
+    assert paddings == [5e-3, 1e-3]
+    state = simulation.joint_states()
+    assert state.position[state.name.index(joint)] == pytest.approx(0.1, abs=0.01)
 
 
 def test_the_reason_is_that_of_a_grasp_that_got_to_the_goal(
@@ -554,8 +580,8 @@ def test_what_moves_in_the_fingers_on_the_way_is_told_and_made_up_for(
     assert picked, picked.reason
 
     def slide(X_WB: RigidTransform) -> RigidTransform:
-        hand = Hand(simulation, PickOptions())
-        across = hand.palm().rotation().matrix() @ hand.gripper.closing_axis
+        arm = Hand(simulation, PickOptions())
+        across = arm.palm().rotation().matrix() @ arm.gripper.closing_axis
         aside = np.cross([0.0, 0.0, 1.0], across)
         return RigidTransform(X_WB.rotation(), X_WB.translation() + 4e-3 * aside)
 
