@@ -6,25 +6,23 @@ simulation does so. What is known of the scene is read from the simulation.
 
 import dataclasses as dc
 import math
-from collections.abc import Generator, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from pydrake.geometry import Box, SceneGraph
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
-from arm_drake.arrays import is_number
 from arm_drake.description.robot import Robot
-from arm_drake.errors import InputError, quoted, suggest
-from arm_drake.manager.loaded_controllers import ControllerState
-from arm_drake.messages import (
-    Duration,
-    GoalStatus,
-    GripperCommand,
-    JointTrajectory,
-    JointTrajectoryPoint,
+from arm_drake.errors import InputError, suggest
+from arm_drake.manipulation.activities import (
+    LOOK,
+    Activity,
+    Failure,
+    Runner,
+    find_drive,
+    is_above,
 )
 from arm_drake.planning.grasps import (
     Grasp,
@@ -33,29 +31,20 @@ from arm_drake.planning.grasps import (
     find_grasps,
 )
 from arm_drake.planning.grippers import Gripper, find_gripper
-from arm_drake.planning.groups import takes_positions
 from arm_drake.planning.inverse_kinematics import (
     WHOLE_POSE,
     NoSolution,
+    find_reach,
     forward_kinematics,
     read_pose,
     solve_ik,
 )
 from arm_drake.planning.motion_planning import Plan, plan
 from arm_drake.planning.orientation_constraint import OrientationConstraint
-from arm_drake.planning.setting import PlanningError, Running, find_moving
+from arm_drake.planning.setting import PlanningError, find_moving
 
 if TYPE_CHECKING:
     from arm_drake.perception.boxes import FoundBox
-    from arm_drake.perception.cameras import CameraHandle
-
-T = TypeVar("T")
-
-# What yields times until which to simulate [s], and returns something in the end.
-Activity: TypeAlias = Generator[float, None, T]
-
-# How often something is looked at [s].
-_LOOK = 0.02
 
 # A gripper has stalled if it moves by less than a part of its stroke per second for a
 # while [s]; it has so long at most [s].
@@ -65,11 +54,8 @@ _STALLED, _STALL_TIME, _GRIPPER_PATIENCE = 0.02, 0.2, 6.0
 # let go, with a target that comes back from behind a thing at its own speed.
 _BEGIN, _LET_GO = 0.3, 2.0
 
-# How long a gripper takes from open to closed [s].
-_GRIPPER_TIME = 1.0
-
 # Distance that counts as a collision on straight ways to things and from them, and on
-# other ways [m].
+# other ways, if there are any that keep it [m].
 _CLOSE, _FAR = 1e-3, 5e-3
 
 # Joints that an arm needs to turn its gripper as it is asked to, and how nearly an axis
@@ -91,61 +77,6 @@ _PARTS = (1.0, 0.6, 0.3)
 
 # How far fingers open on either side to let go [m].
 _RELEASE = 6e-3
-
-# How much longer than its plan a motion may take, and how often streams of commands
-# are sent [s].
-_PATIENCE, _STREAM = 5.0, 0.01
-
-
-class Goal(Protocol):
-    """What became of a goal: a GoalHandle."""
-
-    @property
-    def status(self) -> GoalStatus:
-        """What is known of it."""
-
-    def describe(self) -> str:
-        """Return it in words."""
-
-
-class Handle(Protocol):
-    """What sends to a controller: a ControllerHandle."""
-
-    def command(self, values: Sequence[float]) -> None:
-        """Send commands."""
-
-    def send_goal(self, goal: JointTrajectory | GripperCommand) -> Any:
-        """Send a goal."""
-
-    def send_trajectory(self, trajectory: JointTrajectory) -> None:
-        """Send a trajectory."""
-
-    def cancel(self, goal: Any) -> None:
-        """Cancel a goal."""
-
-
-class Runner(Running, Protocol):
-    """What runs a diagram with robots and their controllers: a Simulation."""
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-
-    @property
-    def plant(self) -> MultibodyPlant:
-        """The plant of robots and world."""
-
-    def advance_to(self, time: float) -> None:
-        """Simulate up to a time [s]."""
-
-    def list_controllers(self) -> Sequence[ControllerState]:
-        """Return the controllers and their states."""
-
-    def controller(self, name: str) -> Handle:
-        """Return what sends to a controller."""
-
-    def camera(self, name: str) -> "CameraHandle":
-        """Return what a camera sees."""
 
 
 @dc.dataclass(frozen=True, kw_only=True)
@@ -222,11 +153,6 @@ class PickOptions:
             raise InputError("seen: the camera says where the box is; leave one out")
 
 
-def is_above(value: Any, *, above: float) -> bool:
-    """Return whether something is a finite number above another."""
-    return is_number(value) and above < value < math.inf
-
-
 class Place(NamedTuple):
     """Where a thing is to be placed, and whether it may be turned there."""
 
@@ -258,34 +184,6 @@ def read_goal(pose: RigidTransform | Sequence[float]) -> Place:
     return Place(read_pose(whole), is_position)
 
 
-def read_options(kind: type[T], action: str, options: Mapping[str, Any]) -> T:
-    """Return options of an action given by name, or raise InputError."""
-    names = [field.name for field in dc.fields(kind)]  # type: ignore[arg-type]
-    for name in options:
-        if name not in names:
-            raise InputError(f"{action}: no option {name!r}; {suggest(name, names)}")
-    return kind(**options)
-
-
-def perform(simulation: "Runner", activity: Activity[T]) -> T:
-    """Simulate until an activity is done, and return what it returns."""
-    while True:
-        try:
-            simulation.advance_to(max(next(activity), simulation.time))
-        except StopIteration as stop:
-            result: T = stop.value
-            return result
-
-
-class Failure(Exception):
-    """A stage that failed, and why."""
-
-    def __init__(self, stage: str, reason: str) -> None:
-        """Create it."""
-        super().__init__(reason)
-        self.stage, self.reason = stage, reason
-
-
 def shifted(X: RigidTransform, by: Sequence[float] | np.ndarray) -> RigidTransform:
     """Return a pose that is moved in the world [m]."""
     return RigidTransform(X.rotation(), X.translation() + np.asarray(by))
@@ -302,11 +200,15 @@ class Hand:
         if name not in robots:
             raise InputError(f"robot: no robot {name!r}; {suggest(name, robots)}")
         self.robot: Robot = robots[name]
-        self.prefix = f"{name}/" if len(robots) > 1 else ""
+        prefix = f"{name}/" if len(robots) > 1 else ""
         self.gripper: Gripper = find_gripper(self.robot, options.group)
         self._mask = self._find_mask()
-        self._arm = self._find_drive(self.gripper.group.joints)
-        self._fingers = self._find_drive(tuple(self.gripper.open))
+        self._arm = find_drive(
+            simulation, self.robot, prefix, self.gripper.group.joints
+        )
+        self._fingers = find_drive(
+            simulation, self.robot, prefix, tuple(self.gripper.open)
+        )
         camera = options.camera
         self.camera = None if camera is None else simulation.camera(camera)
         # What a camera saw of the thing, if one is asked.
@@ -327,35 +229,6 @@ class Hand:
             return WHOLE_POSE
         free = 3 + int(axis.argmax())
         return tuple(row != free for row in range(6))
-
-    def _find_drive(self, joints: Sequence[str]) -> "Drive":
-        """Return the controller of exactly these joints, an active one first."""
-        states = {row.name: row.state for row in self.simulation.list_controllers()}
-        found = []
-        for controller in self.robot.controllers.controllers:
-            kind = next(
-                (k for end, k in _KINDS.items() if controller.type.endswith(end)), None
-            )
-            if kind is None or (kind == "commands" and not takes_positions(controller)):
-                continue
-            named = [
-                parameter.value
-                for name in ("joints", "joint")
-                if (parameter := controller.parameters.get(name)) is not None
-            ]
-            names = [named[0]] if named and isinstance(named[0], str) else named[:1]
-            flat = names[0] if names and isinstance(names[0], list) else names
-            if set(map(str, flat or ())) == set(joints):
-                name = f"{self.prefix}{controller.name}"
-                found.append(Drive(name, kind, tuple(map(str, flat))))
-        found.sort(key=lambda drive: states.get(drive.controller) != "active")
-        if not found:
-            names = [each.name for each in self.robot.controllers.controllers]
-            raise InputError(
-                f"no controller takes positions of exactly {quoted(joints)}; there "
-                f"are {quoted(names) or 'none'}"
-            )
-        return found[0]
 
     def find_thing(self, name: str) -> str:
         """Return the name of a body that can move, or raise InputError."""
@@ -441,7 +314,12 @@ class Hand:
         grasps = find_grasps(self.gripper, shape, X_WO, X_OG=X_OG)
         if not grasps:
             return f"{thing!r}: {explain_no_grasp(self.gripper, shape)}"
-        seen, reason = 0, ""
+        none = f"grasps of {thing!r} the arm reaches none"
+        if reason := self._explain_distance(X_WO, grasps):
+            return f"of {len(grasps)} {none}: {reason}"
+        seen = 0
+        # By what was done, the first one: those that fail at the goal got further.
+        reasons: dict[str, str] = {}
         vain: list[tuple[RigidTransform, Failure]] = []
         for grasp in grasps:
             if any(is_near(grasp.X_OP, other.X_OP) for other in tried):
@@ -459,12 +337,31 @@ class Hand:
                 self._check_goal(X_WO, grasp, thing, vain)
                 found = self.find_way(starts, [before, up], thing, closed)
             except Failure as failure:
-                reason = reason or failure.reason
+                reasons.setdefault(failure.stage, failure.reason)
                 continue
             return grasp, found
         if not seen:
             return f"all {len(tried)} grasps of {thing!r} were tried"
-        return f"of {seen} grasps of {thing!r} the arm reaches none: {reason}"
+        return f"of {seen} {none}: {reasons.get('goal') or reasons['reach']}"
+
+    def _explain_distance(self, X_WO: RigidTransform, grasps: Sequence[Grasp]) -> str:
+        """Return why no grasp is reached, if it is too far off, here or at its goal.
+
+        X_WO: The pose of the thing.
+        """
+        joints = self.gripper.group.joints
+        place, reach = find_reach(self.robot, self.gripper.palm, joints)
+        reach += max(float(np.linalg.norm(g.X_OP.translation())) for g in grasps)
+        poses = {"": X_WO}
+        if self.options.goal is not None:
+            poses["at its goal: "] = read_goal(self.options.goal).X_WG
+        for where, X in poses.items():
+            if np.linalg.norm(X.translation() - self._moved() @ place) > reach:
+                try:
+                    self.solve(X @ grasps[0].X_OP)
+                except Failure as failure:
+                    return f"{where}{failure.reason}"
+        return ""
 
     def _check_goal(
         self,
@@ -487,8 +384,7 @@ class Hand:
             except Failure as failure:
                 vain.append((X_WP, known := failure))
             failures.append(known)
-        stage, reason = failures[0].stage, failures[0].reason
-        raise Failure(stage, f"at its goal: {reason}")
+        raise Failure("goal", f"at its goal: {failures[0].reason}")
 
     def ways_out(self, X_WP: RigidTransform) -> list[RigidTransform]:
         """Return where the palm is above the place of a thing, and drawn back."""
@@ -632,10 +528,18 @@ class Hand:
                 constraint = OrientationConstraint(self.gripper.palm, limit)
                 more["path_constraint"] = constraint
         yield from self._settle()
-        try:
-            found = self._plan(to, straight=straight, ignore=ignore, **more)
-        except (PlanningError, NoSolution) as error:
-            raise Failure(stage, str(error)) from None
+        reasons = []
+        # What the arm gets to on a straight line may be nearer than other ways keep.
+        for padding in (_CLOSE,) if straight else (_FAR, _CLOSE):
+            try:
+                found = self._plan(
+                    to, straight=straight, ignore=ignore, padding=padding, **more
+                )
+                break
+            except (PlanningError, NoSolution) as error:
+                reasons.append(str(error))
+        else:
+            raise Failure(stage, reasons[0])
         yield from self._arm.follow(self.simulation, found, stage)
         yield from self._settle()
 
@@ -645,6 +549,7 @@ class Hand:
         *,
         straight: bool,
         ignore: Sequence[str],
+        padding: float = _CLOSE,
         **more: Any,
     ) -> Plan:
         """Return a plan for the palm, or joints."""
@@ -658,7 +563,7 @@ class Hand:
             straight=straight,
             ignore=ignore,
             mask=self._mask,
-            padding=_CLOSE if straight else _FAR,
+            padding=padding,
             velocity_scaling=options.velocity_scaling,
             acceleration_scaling=options.acceleration_scaling,
             time_limit=options.time_limit,
@@ -687,7 +592,7 @@ class Hand:
             state = self.simulation.joint_states(self.robot.name)
             if not find_moving(state):
                 return
-            yield self.simulation.time + _LOOK
+            yield self.simulation.time + LOOK
 
     def move_gripper(
         self, closed: float, stage: str, *, needs_stall: bool = False
@@ -703,10 +608,10 @@ class Hand:
             return
         begun, still, before = simulation.time, simulation.time, start
         while simulation.time < begun + _GRIPPER_PATIENCE:
-            yield simulation.time + _LOOK
+            yield simulation.time + LOOK
             now = self._positions()
             moved = max(abs(now[n] - before[n]) for n in goal)
-            if moved > _STALLED * span * _LOOK:
+            if moved > _STALLED * span * LOOK:
                 still = simulation.time
             before = now
             is_there = max(abs(goal[n] - now[n]) for n in goal) < _STALLED * span
@@ -714,82 +619,6 @@ class Hand:
             if simulation.time - max(still, begun + patience) >= _STALL_TIME:
                 return
         raise Failure(stage, "the fingers neither arrive nor stall")
-
-
-# Ends of the types of controllers that take positions, and how.
-_KINDS = {
-    "JointTrajectoryController": "trajectory",
-    "GripperActionController": "gripper",
-    "ParallelGripperActionController": "gripper",
-    "GripperController": "gripper",
-    "JointGroupPositionController": "commands",
-    "ForwardCommandController": "commands",
-}
-
-
-class Drive(NamedTuple):
-    """The controller of some joints."""
-
-    controller: str
-    kind: str
-    joints: tuple[str, ...]
-
-    def send(self, simulation: Runner, goal: Mapping[str, float]) -> None:
-        """Send joints somewhere [rad] or [m]."""
-        handle = simulation.controller(self.controller)
-        values = tuple(goal[name] for name in self.joints)
-        if self.kind == "commands":
-            handle.command(values)
-        elif self.kind == "gripper":
-            handle.send_goal(GripperCommand(values[0]))
-        else:
-            point = JointTrajectoryPoint(
-                positions=values, time_from_start=Duration.of(_GRIPPER_TIME)
-            )
-            trajectory = JointTrajectory(joint_names=self.joints, points=(point,))
-            handle.send_trajectory(trajectory)
-
-    def lead(
-        self, simulation: Runner, start: Mapping[str, float], goal: Mapping[str, float]
-    ) -> Activity[None]:
-        """Send joints somewhere in the time of a gripper, whatever takes positions."""
-        count = round(_GRIPPER_TIME / _LOOK) if self.kind == "commands" else 1
-        for part in range(1, count):
-            way = {n: start[n] + part / count * (goal[n] - start[n]) for n in goal}
-            self.send(simulation, way)
-            yield simulation.time + _LOOK
-        self.send(simulation, goal)
-
-    def follow(self, simulation: Runner, found: Plan, stage: str) -> Activity[None]:
-        """Follow a plan to its end, or raise Failure."""
-        if self.kind == "commands":
-            yield from self._stream(simulation, found)
-            return
-        handle = simulation.controller(self.controller)
-        goal = handle.send_goal(found.trajectory)
-        end = simulation.time + found.duration + _PATIENCE
-        while not goal.status.is_terminal and simulation.time < end:
-            yield simulation.time + _LOOK
-        if goal.status is not GoalStatus.SUCCEEDED:
-            late = "" if goal.status.is_terminal else " after its trajectory's end"
-            handle.cancel(goal)
-            what = f"{self.controller}: goal {goal.describe()}{late}"
-            raise Failure(stage, what)
-
-    def _stream(self, simulation: Runner, found: Plan) -> Activity[None]:
-        """Send the points of a plan as commands."""
-        handle = simulation.controller(self.controller)
-        points = found.trajectory.points
-        at = [found.trajectory.joint_names.index(name) for name in self.joints]
-        t = np.array([point.time_from_start.to_seconds() for point in points])
-        q = np.array([point.positions for point in points])[:, at]
-        begun = simulation.time
-        while True:
-            now = simulation.time - begun
-            handle.command([float(np.interp(now, t, row)) for row in q.T])
-            if now >= t[-1]:
-                return
-            yield simulation.time + _STREAM
 
 
 def is_near(one: RigidTransform, other: RigidTransform) -> bool:

@@ -15,18 +15,14 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from pydrake.math import RigidTransform
 
-from arm_drake.manipulation.hand import (
+from arm_drake.manipulation.activities import (
     Activity,
     Failure,
-    Hand,
-    PickOptions,
-    Place,
     Runner,
     perform,
-    read_goal,
     read_options,
-    shifted,
 )
+from arm_drake.manipulation.hand import Hand, PickOptions, Place, read_goal, shifted
 from arm_drake.manipulation.visual_servoing import PIXELS, find_label
 from arm_drake.perception.boxes import FoundBox, find_box
 from arm_drake.perception.cameras import CameraHandle
@@ -36,6 +32,10 @@ T = TypeVar("T")
 
 # How much a thing may slip in the fingers while it is lifted [m], [rad].
 _SLIP, _TURN = 0.01, 0.3
+
+# How much a thing that was seen may move in the fingers on the way before it is told
+# [m], [rad].
+_MOVED, _MOVED_TURN = 2e-3, 0.05
 
 # How far around a thing a cloud is looked at for it, and what it stands on [m].
 _AROUND = 0.15
@@ -101,6 +101,11 @@ class PlaceResult:
     pose: RigidTransform | None = None
     position_error: float = math.nan
     orientation_error: float = math.nan
+
+    # How far it moved in the gripper on the way [m], [rad]. That is made up for, unless
+    # `held` said how it lies there.
+    slip_distance: float = math.nan
+    slip_angle: float = math.nan
 
     # How long it took [s].
     duration: float = 0.0
@@ -276,9 +281,7 @@ def _grasp(
     up = shifted(hand.palm(), [0.0, 0.0, lift])
     yield from hand.move(up, "lift", straight=True, ignore=[thing])
     end, lifted = hand.pose_in_palm(thing), hand.pose_of(thing).translation()[2]
-    slip = start.inverse() @ end
-    away = float(np.linalg.norm(slip.translation()))
-    turn = float(slip.rotation().ToAngleAxis().angle())
+    away, turn = _distance(start, end)
     if hand.find_held() != thing or lifted - height < 0.5 * lift:
         raise Failure("lift", f"{thing!r} was lost while it was lifted")
     if away > _SLIP or turn > _TURN:
@@ -296,40 +299,43 @@ def _give_up(hand: "Hand", thing: str) -> Activity[None]:
         yield from hand.draw_back(thing)
 
 
+def _distance(one: RigidTransform, other: RigidTransform) -> tuple[float, float]:
+    """Return how far poses are apart [m], and turned from each other [rad]."""
+    miss = one.inverse() @ other
+    angle = float(miss.rotation().ToAngleAxis().angle())
+    return float(np.linalg.norm(miss.translation())), angle
+
+
 def _place(hand: "Hand", asked: Place) -> Activity[PlaceResult]:
     began = hand.simulation.time
     thing = hand.find_held()
+    if thing is None:
+        return PlaceResult("", False, "the gripper holds nothing")
+    first = hand.pose_in_palm(thing)
+    slip = 0.0, 0.0
 
     def result(reason: str, *, success: bool = False) -> PlaceResult:
         duration = hand.simulation.time - began
-        if thing is None:
-            return PlaceResult("", False, reason, duration=duration)
         X = hand.pose_of(thing)
-        miss = X.inverse() @ goal
-        away = float(np.linalg.norm(X.translation() - goal.translation()))
-        angle = float(miss.rotation().ToAngleAxis().angle())
-        return PlaceResult(thing, success, reason, X, away, angle, duration)
+        misses = _distance(X, goal)
+        return PlaceResult(thing, success, reason, X, *misses, *slip, duration)
 
-    goal = asked.X_WG
-    if thing is None:
-        return result("the gripper holds nothing")
-    X_PO = hand.known_pose_in_palm(thing)
     reasons: list[str] = []
-    found = None
-    for goal in asked.poses(hand.palm() @ X_PO, hand.base()):
-        X_WP = shifted(goal, [0.0, 0.0, _DROP]) @ X_PO.inverse()
+    goal, is_there = asked.X_WG, False
+    X_WO = hand.palm() @ hand.known_pose_in_palm(thing)
+    for goal in asked.poses(X_WO, hand.base()):
         try:
-            above = hand.find_way(hand.solve(X_WP), hand.ways_out(X_WP), thing)
-            yield from hand.move(above, "reach", held=thing)
-            if hand.find_held() != thing:
-                return result(f"{thing!r} was lost on the way")
-            yield from hand.move(X_WP, "lower", straight=True, ignore=[thing])
+            slip = yield from _carry(hand, thing, goal)
         except Failure as failure:
             reasons.append(failure.reason)
+            if failure.stage == "lost":
+                break
             continue
-        found = goal
+        is_there = True
         break
-    if found is None:
+    # What stands on something too early is pushed back.
+    slip = max(slip, _distance(first, hand.pose_in_palm(thing)))
+    if not is_there:
         return result(reasons[-1])
     try:
         yield from hand.move_gripper(hand.release(), "")
@@ -341,4 +347,30 @@ def _place(hand: "Hand", asked: Place) -> Activity[PlaceResult]:
         return result(f"it doesn't get away: {failure.reason}", success=True)
     if hand.find_held() is not None:
         return result(f"{thing!r} sticks to the fingers")
-    return result("", success=True)
+    told = ""
+    if hand.options.held is not None and (slip[0] > _MOVED or slip[1] > _MOVED_TURN):
+        told = (
+            f"{thing!r} moved by {1e3 * slip[0]:.1f} mm and {slip[1]:.2f} rad in the "
+            "gripper on the way, and was placed as it was seen"
+        )
+    return result(told, success=True)
+
+
+def _carry(
+    hand: "Hand", thing: str, goal: RigidTransform
+) -> Activity[tuple[float, float]]:
+    """Carry a thing to its goal and put it down there, or raise Failure.
+
+    Returns by how much it moved in the fingers on the way [m], [rad].
+    """
+    first = hand.pose_in_palm(thing)
+    X_WO = shifted(goal, [0.0, 0.0, _DROP])
+    X_WP = X_WO @ hand.known_pose_in_palm(thing).inverse()
+    above = hand.find_way(hand.solve(X_WP), hand.ways_out(X_WP), thing)
+    yield from hand.move(above, "reach", held=thing)
+    if hand.find_held() != thing:
+        raise Failure("lost", f"{thing!r} was lost on the way")
+    slip = _distance(first, hand.pose_in_palm(thing))
+    X_WP = X_WO @ hand.known_pose_in_palm(thing).inverse()
+    yield from hand.move(X_WP, "lower", straight=True, ignore=[thing])
+    return slip

@@ -20,7 +20,7 @@ from arm_drake.description.joints import WORLD, joints_above
 from arm_drake.description.perception_sensors import CameraSensor
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, quoted, suggest
-from arm_drake.manipulation.hand import (
+from arm_drake.manipulation.activities import (
     Activity,
     Runner,
     is_above,

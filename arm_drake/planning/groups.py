@@ -54,6 +54,11 @@ _groups: "weakref.WeakKeyDictionary[Robot, dict[str, PlanningGroup]]" = (
     weakref.WeakKeyDictionary()
 )
 
+# The same of joints that are named.
+_made: "weakref.WeakKeyDictionary[Robot, dict[tuple[str, ...], PlanningGroup]]" = (
+    weakref.WeakKeyDictionary()
+)
+
 
 def planning_groups(robot: Robot) -> dict[str, PlanningGroup]:
     """Return the groups of a robot by name.
@@ -163,7 +168,11 @@ def find_group(robot: Robot, group: str | Collection[str] | None) -> PlanningGro
     if group is not None and not isinstance(group, Collection):
         raise InputError(f"group: expected its name or its joints, got {group!r}")
     if group is not None and not isinstance(group, str):
-        return _made_of(robot, tuple(dict.fromkeys(group)))
+        names = tuple(dict.fromkeys(group))
+        made = _made.setdefault(robot, {})
+        if names not in made:
+            made[names] = _made_of(robot, names)
+        return made[names]
     groups = planning_groups(robot)
     if not groups:
         raise InputError(f"robot {robot.name!r} has no joint that could move")

@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.tree import Frame, JacobianWrtVariable
 
 from arm_drake.description.joints import joints_above, last_master
 from arm_drake.description.robot import Robot
@@ -23,6 +22,7 @@ from arm_drake.errors import ArmDrakeError, InputError, counted, quoted, suggest
 from arm_drake.planning.groups import PlanningGroup, find_group
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.plant import transform_of, trial_plant
+from arm_drake.plant.screws import Screws
 
 # What a solution may miss the pose by [m] and [rad].
 TOLERANCE = (1e-5, 1e-4)
@@ -50,8 +50,11 @@ _SAME = 1e-3
 # The largest change of a joint between points of a line [rad], [m].
 _JUMP = 0.3
 
-# Tries when all solutions are wanted, and when there can be none. Where there are some
-# the nearest starts lead to one: after so many in vain, all of them aren't looked for.
+# So many tries are made one by one where one solution is wanted; others at once.
+_ALONE = 6
+
+# Tries when all solutions are wanted, and when there can be none. The nearest starts
+# lead to most: where so many lead to no new one, others aren't looked for.
 _ALL_TRIES, _FAR_TRIES, _VAIN_TRIES = 100, 3, 25
 
 
@@ -230,7 +233,8 @@ def pose_error(
 
     def miss(positions: Mapping[str, float]) -> np.ndarray:
         X = kinematics.pose_of(kinematics.complete(positions), frame)
-        return target.miss(X)[target.rows]
+        R, p = X.rotation().matrix(), X.translation()
+        return target.miss(R[np.newaxis], p[np.newaxis])[0, target.rows]
 
     return miss
 
@@ -256,7 +260,8 @@ def follow_line(
     own = [kinematics.at[name] for name in group]
     q = kinematics.complete(seed)
     X = kinematics.pose_of(q, frame)
-    turn = _rotation_vector(X.rotation().matrix().T @ pose.rotation().matrix())
+    R = X.rotation().matrix().T @ pose.rotation().matrix()
+    turn = _rotation_vectors(R[np.newaxis])[0]
     shift = pose.translation() - X.translation()
     count = max(
         1,
@@ -268,10 +273,10 @@ def follow_line(
     found = [q[own]]
     for number in range(1, count + 1):
         part = number / count
-        R = X.rotation() @ RotationMatrix(AngleAxis(part * angle, axis))
-        point = RigidTransform(R, X.translation() + part * shift)
+        R_WF = X.rotation() @ RotationMatrix(AngleAxis(part * angle, axis))
+        point = RigidTransform(R_WF, X.translation() + part * shift)
         target = _Target.of(point, mask, TOLERANCE)
-        end = chain.descend(q, q[chain.at], target)
+        end = chain.descend(q, q[np.newaxis, chain.at], target)[0]
         jump = float(np.max(np.abs(end.values - q[chain.at])))
         if not target.is_met(end) or jump > _JUMP:
             return np.array(found), (number - 1) / count
@@ -339,16 +344,17 @@ class _Target(NamedTuple):
         away = float(np.linalg.norm(self.p - place))
         return bool(np.all(np.isin([0, 1, 2], self.rows))) and away > reach
 
-    def miss(self, X: RigidTransform) -> np.ndarray:
-        """Return the twist from X to the pose: [m] in the world, [rad] in the frame."""
-        R = X.rotation().matrix()
-        twist = np.empty(6)
-        twist[:3] = self.p - X.translation()
+    def miss(self, R: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Return the twists from poses to this one, shape (k, 6).
+
+        [m] in the world, then [rad] in the frame; R: (k, 3, 3), p: (k, 3).
+        """
+        R_FT = np.swapaxes(R, 1, 2) @ self.R
         if self.pointing is None:
-            twist[3:] = _rotation_vector(R.T @ self.R)
+            turns = _rotation_vectors(R_FT)
         else:
-            twist[3:] = _swing(R.T @ self.R[:, self.pointing], self.pointing)
-        return twist
+            turns = _swings(R_FT[:, :, self.pointing], self.pointing)
+        return np.concatenate((self.p - p, turns), axis=1)
 
 
 def _check_tolerance(tolerance: object) -> None:
@@ -360,32 +366,30 @@ def _check_tolerance(tolerance: object) -> None:
         raise InputError(f"{expected}, got {values or tolerance!r}")
 
 
-def _rotation_vector(R: np.ndarray) -> np.ndarray:
-    """Return the axis of a rotation times its angle [rad]."""
-    v = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    s, c = math.sqrt(v @ v), R[0, 0] + R[1, 1] + R[2, 2] - 1.0
-    angle = math.atan2(s, c)
-    if s > 1e-6:
-        return v * (angle / s)
-    if c > 0.0:
-        return 0.5 * v
-    # Half a turn: the axis is the largest column of R + 1.
-    column = (R + np.eye(3))[:, int(np.argmax(np.diag(R)))]
-    return column * (math.pi / math.sqrt(column @ column))
+def _rotation_vectors(R: np.ndarray) -> np.ndarray:
+    """Return the axes of rotations (k, 3, 3) times their angles [rad], (k, 3)."""
+    v = R[:, [2, 0, 1], [1, 2, 0]] - R[:, [1, 2, 0], [2, 0, 1]]
+    s, c = np.sqrt((v * v).sum(axis=1)), R[:, 0, 0] + R[:, 1, 1] + R[:, 2, 2] - 1.0
+    angle = np.arctan2(s, c)
+    vectors = v * np.where(s > 1e-6, angle / np.maximum(s, 1e-6), 0.5)[:, np.newaxis]
+    for k in np.flatnonzero((s <= 1e-6) & (c <= 0.0)):
+        # Half a turn: the axis is the largest column of R + 1.
+        column = (R[k] + np.eye(3))[:, int(np.argmax(np.diag(R[k])))]
+        vectors[k] = column * (math.pi / math.sqrt(column @ column))
+    return vectors
 
 
-def _swing(direction: np.ndarray, axis: int) -> np.ndarray:
-    """Return the turn [rad] that brings an axis of the frame to a direction in it."""
+def _swings(directions: np.ndarray, axis: int) -> np.ndarray:
+    """Return the turns [rad] that bring an axis of frames to directions in them."""
     one, two = (axis + 1) % 3, (axis + 2) % 3
-    turn = np.zeros(3)
-    s = math.hypot(direction[one], direction[two])
-    angle = math.atan2(s, direction[axis])
-    if s > 1e-9:
-        turn[one] = -direction[two] * angle / s
-        turn[two] = direction[one] * angle / s
-    elif direction[axis] < 0.0:
-        turn[one] = math.pi
-    return turn
+    turns = np.zeros_like(directions)
+    s = np.hypot(directions[:, one], directions[:, two])
+    angle = np.arctan2(s, directions[:, axis])
+    aside = s > 1e-9
+    part = np.where(aside, angle / np.maximum(s, 1e-9), 0.0)
+    turns[:, one] = np.where(aside, -directions[:, two] * part, angle)
+    turns[:, two] = directions[:, one] * part
+    return turns
 
 
 class _Chain:
@@ -396,7 +400,7 @@ class _Chain:
     ) -> None:
         self._kinematics = kinematics
         self.frame, self.joints = frame, list(joints)
-        self._frame = kinematics.frame_of(frame)
+        self._screws = kinematics.screws(frame)
         self.at = np.array([kinematics.at[name] for name in joints])
         ranges = [kinematics.ranges[name] for name in joints]
         self.lower = np.array([-math.inf if r.wraps else r.lower for r in ranges])
@@ -410,17 +414,22 @@ class _Chain:
         self._step = np.where(self._turns, 1.0, self._length) * _LARGEST_STEP
         # dq = E dx: columns are the joints, and what follows them.
         self._E = kinematics.spreading[:, self.at]
+        self._E_above = self._E[self._screws.at]
         self._table: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
     def spread(self, q: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Return positions of all joints, where those of the chain have values."""
         return q + self._E @ (values - q[self.at])
 
-    def starts(
-        self, q: np.ndarray, target: _Target, tries: int
-    ) -> Iterator[np.ndarray]:
-        """Yield where tries start: the seed, then random poses, the nearest first."""
-        yield np.clip(q[self.at], self.lower, self.upper)
+    def _joints_above(self, q: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Return positions of the joints above the frame, of many values (k, n)."""
+        return q[self._screws.at] + (values - q[self.at]) @ self._E_above.T
+
+    def starts(self, q: np.ndarray, target: _Target, tries: int) -> np.ndarray:
+        """Return where tries start: the seed, then random poses, the nearest first."""
+        seed = q[np.newaxis, self.at].clip(self.lower, self.upper)
+        if tries == 1:
+            return seed
         if self._table is None:
             self._table = self._make_table(q)
         values, points, turns = self._table
@@ -432,68 +441,72 @@ class _Chain:
             distance += 2.0 - 2.0 * axis
         elif np.any(rows >= 3):
             distance += 3.0 - np.einsum("ijk,jk->i", turns, target.R)
-        for index in np.argsort(distance, kind="stable")[: tries - 1]:
-            yield values[index]
+        nearest = np.argsort(distance, kind="stable")[: tries - 1]
+        return np.vstack((seed, values[nearest]))
 
     def _make_table(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         rng = np.random.default_rng(0)
         values = rng.uniform(self._low, self._high, (_TABLE, len(self.joints)))
-        points, turns = np.empty((_TABLE, 3)), np.empty((_TABLE, 3, 3))
-        for index, row in enumerate(values):
-            X = self._kinematics.pose_of(self.spread(q, row), self.frame)
-            points[index], turns[index] = X.translation(), X.rotation().matrix()
+        turns, points, _ = self._screws.poses(self._joints_above(q, values))
         return values, points, turns
 
-    def descend(self, q: np.ndarray, start: np.ndarray, target: _Target) -> _End:
-        """Return where a try from a start ends."""
-        kinematics, x, rows = self._kinematics, start, target.rows
+    def descend(self, q: np.ndarray, starts: np.ndarray, target: _Target) -> list[_End]:
+        """Return where tries from starts end, shape (k, n); they don't mind others."""
+        x, rows, all_rows = starts, target.rows, len(target.rows) == 6
         scale = np.array([1.0 / self._length] * 3 + [1.0] * 3)[rows]
-        best, patience = math.inf, _PATIENCE
-        at = _End(x, math.inf, math.inf, math.inf)
+        split = int(np.searchsorted(rows, 3))
+        ends = [_End(each, math.inf, math.inf, math.inf) for each in x]
+        going, patience = list(range(len(x))), [_PATIENCE] * len(x)
         for _ in range(_STEPS):
-            X, J = kinematics.jacobian(self.spread(q, x), self._frame)
-            twist = target.miss(X)[rows]
-            split = int(np.searchsorted(rows, 3))
+            R, p, J = self._screws.poses(self._joints_above(q, x))
+            twist = target.miss(R, p)
+            if not all_rows:
+                twist = twist[:, rows]
             e = scale * twist
-            error = float(e @ e)
-            if error < at.error:
-                at = _End(x, error, *_norms(twist, split))
-            if target.is_met(at):
+            on = []
+            for k, (i, error) in enumerate(
+                zip(going, (e * e).sum(axis=1).tolist(), strict=True)
+            ):
+                best = ends[i].error
+                if error < best:
+                    ends[i] = _End(x[k], error, *_norms(twist[k], split))
+                if target.is_met(ends[i]):
+                    continue
+                patience[i] = _PATIENCE if error < _PROGRESS * best else patience[i] - 1
+                if patience[i]:
+                    on.append(k)
+            if not on:
                 break
-            patience = _PATIENCE if error < _PROGRESS * best else patience - 1
-            best = min(best, error)
-            if not patience:
-                break
-            J = np.vstack((J[3:], X.rotation().matrix().T @ J[:3]))[rows] @ self._E
-            J *= scale[:, np.newaxis]
-            x = self._improve(x, J, e, error)
-        return at
+            if len(on) < len(x):
+                x, R, J, e = x[on], R[on], J[on], e[on]
+                going = [going[k] for k in on]
+            J[:, 3:] = R.swapaxes(1, 2) @ J[:, 3:]
+            if not all_rows:
+                J = J[:, rows]
+            x = self._improve(x, scale[:, np.newaxis] * (J @ self._E_above), e)
+        return ends
 
-    def _improve(
-        self, x: np.ndarray, J: np.ndarray, e: np.ndarray, error: float
-    ) -> np.ndarray:
-        """Return the values after a step, within their limits."""
-        H, g = J.T @ J, J.T @ e
-        H.flat[:: len(x) + 1] += _DAMPING * error + _LEAST_DAMPING
-        free = np.ones(len(x), dtype=bool)
-        dx = np.linalg.solve(H, g)
-        for _ in range(len(x)):
-            y = x + dx
-            leaves = free & ((y < self.lower) | (y > self.upper))
-            at_limit = leaves & (
-                ((x <= self.lower) & (dx < 0.0)) | ((x >= self.upper) & (dx > 0.0))
-            )
-            if not at_limit.any():
-                break
-            free &= ~at_limit
-            dx = np.zeros(len(x))
-            if not free.any():
-                break
-            dx[free] = np.linalg.solve(H[np.ix_(free, free)], g[free])
-        largest = float(np.max(np.abs(dx) / self._step, initial=0.0))
-        if largest > 1.0:
-            dx /= largest
-        return np.clip(x + dx, self.lower, self.upper)
+    def _improve(self, x: np.ndarray, J: np.ndarray, e: np.ndarray) -> np.ndarray:
+        """Return values after a step, within their limits; tries are rows."""
+        n, error = x.shape[1], (e * e).sum(axis=1)
+        J_T = J.swapaxes(1, 2)
+        H, g = J_T @ J, (J_T @ e[:, :, np.newaxis])[:, :, 0]
+        damping = (_DAMPING * error + _LEAST_DAMPING)[:, np.newaxis]
+        H.reshape(len(x), -1)[:, :: n + 1] += damping
+        low, high = x <= self.lower, x >= self.upper
+        dx = _solve(H, g)
+        at_limit = (low & (dx < 0.0)) | (high & (dx > 0.0))
+        held = np.zeros(x.shape, dtype=bool)
+        while at_limit.any():
+            held |= at_limit
+            which = np.flatnonzero(at_limit.any(axis=1))
+            # Joints that are held don't move, and others don't mind them.
+            free = ~held[which]
+            both = free[:, :, np.newaxis] & free[:, np.newaxis]
+            dx[which] = _solve(np.where(both, H[which], np.eye(n)), g[which] * free)
+            at_limit = (low & (dx < 0.0)) | (high & (dx > 0.0))
+        largest = np.maximum((np.abs(dx) / self._step).max(axis=1), 1.0)
+        return (x + dx / largest[:, np.newaxis]).clip(self.lower, self.upper)
 
     def unwind(self, values: np.ndarray, q: np.ndarray) -> np.ndarray:
         """Return values whose joints are at the turns nearest to the seed."""
@@ -543,31 +556,47 @@ def _search(
 ) -> tuple[list[_Found], _End]:
     """Return solutions, the nearest to q first, and the best end of a try."""
     found: list[_Found] = []
-    best: _End | None = None
-    starts = chain.starts(q, target, most)
-    for tries, start in enumerate(starts, start=1):
-        end = chain.descend(q, start, target)
+    met: list[np.ndarray] = []
+    best, newest = None, 0
+    ends = _descend(chain, q, target, most, finds_all)
+    for tries, end in enumerate(ends, start=1):
         if best is None or end.error < best.error:
             best = end
-        if finds_all and tries >= _VAIN_TRIES and not target.is_met(best):
-            break
-        if not target.is_met(end):
-            continue
-        end = end._replace(values=chain.unwind(end.values, q))
-        if is_free is not None and not is_free(end.values):
-            continue
-        if all(np.max(np.abs(end.values - f.end.values)) > _SAME for f in found):
-            found.append(_Found(end, tries))
-        if not finds_all:
+        if target.is_met(end):
+            end = end._replace(values=chain.unwind(end.values, q))
+            if all(np.max(np.abs(end.values - values)) > _SAME for values in met):
+                met.append(end.values)
+                newest = tries
+                if is_free is None or is_free(end.values):
+                    found.append(_Found(end, tries))
+                    if not finds_all:
+                        break
+        if finds_all and tries >= newest + _VAIN_TRIES and tries % _VAIN_TRIES == 0:
             break
     assert best is not None
     found.sort(key=lambda each: float(np.linalg.norm(each.end.values - q[chain.at])))
     return found, best
 
 
+def _descend(
+    chain: _Chain, q: np.ndarray, target: _Target, tries: int, finds_all: bool
+) -> Iterator[_End]:
+    """Yield where tries end; one by one where a few are likely to do."""
+    begun = 0
+    while begun < tries:
+        count = 1 if begun < _ALONE and not finds_all else _VAIN_TRIES
+        starts = chain.starts(q, target, tries if begun or finds_all else 1)
+        yield from chain.descend(q, starts[begun : begun + count], target)
+        begun += count
+
+
 def _norms(twist: np.ndarray, split: int) -> tuple[float, float]:
     shift, turn = twist[:split], twist[split:]
     return math.sqrt(shift @ shift), math.sqrt(turn @ turn)
+
+
+def _solve(H: np.ndarray, g: np.ndarray) -> np.ndarray:
+    return np.linalg.solve(H, g[:, :, np.newaxis])[:, :, 0]
 
 
 class _Kinematics:
@@ -627,21 +656,11 @@ class _Kinematics:
         body = self._plant.GetBodyByName(frame)
         return self._plant.EvalBodyPoseInWorld(self._context, body)
 
-    def jacobian(
-        self, q: np.ndarray, frame: Frame
-    ) -> tuple[RigidTransform, np.ndarray]:
-        """Return where a link is, and its Jacobian: rows of turns first."""
-        plant, context = self._plant, self._context
-        plant.SetPositions(context, q)
-        world = plant.world_frame()
-        J = plant.CalcJacobianSpatialVelocity(
-            context, JacobianWrtVariable.kV, frame, _ORIGIN, world, world
-        )
-        return plant.EvalBodyPoseInWorld(context, frame.body()), J
-
-    def frame_of(self, link: str) -> Frame:
-        """Return the frame of a link."""
-        return self._plant.GetBodyByName(link).body_frame()
+    def screws(self, link: str) -> Screws:
+        """Return the joints that carry a link."""
+        above = reversed(joints_above(self._description.joints, link))
+        at = [self.at[joint.name] for joint in above if joint.name in self.at]
+        return Screws(self._plant, link, at)
 
     def chain(self, frame: str, joints: Collection[str] | None) -> _Chain:
         """Return the chain of a link, or raise InputError."""
@@ -686,8 +705,6 @@ class _Kinematics:
         frame = self._plant.GetJointByName(joint).frame_on_parent()
         return np.array(frame.CalcPoseInWorld(self._context).translation())
 
-
-_ORIGIN = np.zeros(3)
 
 _known: "weakref.WeakKeyDictionary[Robot, _Kinematics]" = weakref.WeakKeyDictionary()
 

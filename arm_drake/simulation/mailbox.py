@@ -58,6 +58,10 @@ class GoalHandle:
         # What of the goal was not taken as written.
         self.note = ""
 
+        # Whether it is part of a task, as a gripper's that stalls on a thing: what
+        # became of the task says whether anything failed.
+        self.is_part = False
+
         self._feedback: list[FollowJointTrajectoryFeedback] = []
         self._sources: list[Callable[[], FollowJointTrajectoryFeedback]] = []
 

@@ -241,7 +241,8 @@ def _perform(
 
 def _check_task(simulation: Any, message: Task) -> None:
     """Raise InputError if a robot lacks what it takes, or there is no such thing."""
-    from arm_drake.manipulation.hand import Hand, PickOptions, read_options
+    from arm_drake.manipulation.activities import read_options
+    from arm_drake.manipulation.hand import Hand, PickOptions
     from arm_drake.manipulation.visual_servoing import FollowOptions, Servo
 
     given = {**message.options, "robot": message.robot}

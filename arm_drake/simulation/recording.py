@@ -428,7 +428,7 @@ def list_failures(mailbox: Mailbox) -> list[str]:
     """Return a line for all that failed: goals, messages, switches, controllers."""
     lines = []
     for goal in mailbox.goals:
-        if goal.status in _FAILED:
+        if goal.status in _FAILED and not goal.is_part:
             place = f"{goal.where}: " if goal.where else ""
             lines.append(f"{place}{goal.controller}: goal {goal.describe()}")
     events = (*mailbox.rejected, *mailbox.failures)

@@ -168,7 +168,7 @@ def main() -> None:
         trials.append(run(number, camera=args.camera))
         print(json.dumps(dc.asdict(trials[-1])), flush=True)
     good = [trial for trial in trials if trial.succeeded]
-    errors = [1e3 * trial.position_error for trial in good]
+    errors = [1e3 * trial.position_error for trial in good] or [np.nan]
     spent = sum(trial.processor_time for trial in trials)
     simulated = sum(trial.simulated_time for trial in trials)
     print(

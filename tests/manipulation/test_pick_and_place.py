@@ -17,12 +17,20 @@ from pydrake.multibody.tree import SpatialInertia
 import arm_drake as ad
 from arm_drake.description.bundled import configs_folder
 from arm_drake.errors import MotionError
-from arm_drake.manipulation import pick_and_place
-from arm_drake.manipulation.hand import Activity, Failure, Hand, PickOptions, perform
+from arm_drake.manipulation import hand, pick_and_place
+from arm_drake.manipulation.activities import (
+    Activity,
+    Failure,
+    find_drive,
+    perform,
+)
+from arm_drake.manipulation.hand import Hand, PickOptions
 from arm_drake.manipulation.pick_and_place import placing
 from arm_drake.planning.grippers import find_gripper
 from arm_drake.planning.groups import find_group
+from arm_drake.planning.setting import PlanningError
 from arm_drake.simulation.motion_files import load_motion, parse_motion
+from arm_drake.simulation.recording import list_failures
 from arm_drake.worlds.things import with_things
 from arm_drake.worlds.world import add_world, load_world
 from tests.robots import load_real_robot
@@ -115,6 +123,8 @@ def test_other_arms_do_so_too(name: str) -> None:
     assert placed, placed.reason
     X = pose_of(simulation, "box")
     assert X.translation() == pytest.approx([*goal, 0.02], abs=5e-3)
+    # A gripper that stalls on a thing may tell that its goal was aborted.
+    assert list_failures(simulation.mailbox) == []
 
 
 def test_ways_begin_where_a_base_has_gone_to() -> None:
@@ -128,12 +138,12 @@ def test_ways_begin_where_a_base_has_gone_to() -> None:
     body = plant.GetBodyByName(base)
     X_WB = RigidTransform(RollPitchYaw(0.0, 0.0, 1.0), [0.5, -0.3, 0.2])
     plant.SetFloatingBaseBodyPoseInWorldFrame(context, body, X_WB)
-    hand = Hand(simulation, PickOptions())
+    arm = Hand(simulation, PickOptions())
 
-    nearest, *_ = hand.solve(hand.palm())
+    nearest, *_ = arm.solve(arm.palm())
 
     assert nearest == pytest.approx(start, abs=1e-3)
-    assert find_gripper(robot) is hand.gripper  # It is measured once.
+    assert find_gripper(robot) is arm.gripper  # It is measured once.
 
 
 def test_what_takes_efforts_is_not_sent_positions() -> None:
@@ -153,8 +163,7 @@ def test_what_takes_efforts_is_not_sent_positions() -> None:
     def find(*controllers: Any) -> Any:
         robot = SimpleNamespace(controllers=SimpleNamespace(controllers=controllers))
         simulation = SimpleNamespace(list_controllers=list)
-        hand: Any = SimpleNamespace(simulation=simulation, robot=robot, prefix="")
-        return Hand._find_drive(hand, joints.value)
+        return find_drive(simulation, robot, "", joints.value)
 
     assert find(efforts, arm).controller == "arm_controller"
     with pytest.raises(ad.ArmDrakeError, match=r"there are 'efforts'"):
@@ -167,7 +176,7 @@ def test_fingers_that_never_rest_are_a_failure() -> None:
     gripper = SimpleNamespace(
         open={"f": 0.0}, closed={"f": 1.0}, positions=lambda closed: {"f": closed}
     )
-    hand: Any = SimpleNamespace(
+    arm: Any = SimpleNamespace(
         simulation=simulation,
         gripper=gripper,
         _positions=lambda: {"f": 0.5 + 0.1 * math.sin(20.0 * simulation.time)},
@@ -175,7 +184,7 @@ def test_fingers_that_never_rest_are_a_failure() -> None:
     )
 
     with pytest.raises(Failure, match="neither arrive nor stall"):
-        perform(simulation, Hand.move_gripper(hand, 1.0, "close"))
+        perform(simulation, Hand.move_gripper(arm, 1.0, "close"))
 
     assert 5.0 < simulation.time < 10.0
 
@@ -445,6 +454,27 @@ def test_what_is_out_of_reach_is_said() -> None:
     assert "the arm reaches none" in picked.reason
 
 
+@pytest.mark.parametrize(
+    ("x", "goal", "where"), [(1.2, (0.2, 0.1, 0.02), ""), (0.2, (0.8, 0.0), "goal")]
+)
+def test_what_is_too_far_is_refused_by_its_distance(
+    x: float, goal: tuple[float, ...], where: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    simulation = simulate(at(BOX, x, 0.0))
+    asked, solve = [], Hand.solve
+
+    def count(arm: Hand, X_WP: RigidTransform) -> list[dict[str, float]]:
+        asked.append(X_WP)
+        return solve(arm, X_WP)
+
+    monkeypatch.setattr(Hand, "solve", count)
+    found = Hand(simulation, PickOptions(goal=(*goal, 0.02)[:3])).choose("box", [])
+
+    assert len(asked) == 1
+    assert "it is out of reach" in found
+    assert where in found
+
+
 def test_where_the_palm_did_not_get_to_is_not_tried_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -471,6 +501,46 @@ def test_where_the_palm_did_not_get_to_is_not_tried_again(
     )
 
 
+def test_where_no_way_keeps_its_distance_a_nearer_one_is_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    simulation = simulate()
+    arm, paddings = Hand(simulation, PickOptions()), []
+    joint = arm.gripper.group.joints[0]
+
+    def plan(*args: Any, padding: float, **options: Any) -> ad.Plan:
+        paddings.append(padding)
+        if padding == 5e-3:
+            raise PlanningError("'link3' and 'link6' are 4.18 mm apart")
+        return ad.plan(*args, padding=padding, **options)
+
+    monkeypatch.setattr(hand, "plan", plan)
+    perform(simulation, arm.move({joint: 0.1}, "reach"))
+
+    assert paddings == [5e-3, 1e-3]
+    state = simulation.joint_states()
+    assert state.position[state.name.index(joint)] == pytest.approx(0.1, abs=0.01)
+
+
+def test_the_reason_is_that_of_a_grasp_that_got_to_the_goal(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    simulation = simulate(at(BOX, 0.2, 0.05))
+    asked: list[RigidTransform] = []
+
+    def solve(_: Hand, X_WP: RigidTransform) -> list[dict[str, float]]:
+        asked.append(X_WP)
+        if len(asked) == 2:
+            return []
+        raise Failure("reach", "here" if X_WP.translation()[1] > -0.05 else "there")
+
+    monkeypatch.setattr(Hand, "solve", solve)
+    found = Hand(simulation, PickOptions(goal=(0.2, -0.3, 0.02))).choose("box", [])
+
+    assert isinstance(found, str)
+    assert found.endswith("at its goal: there")
+
+
 @pytest.mark.slow
 def test_what_is_too_slippery_slips_and_says_so() -> None:
     soap = dc.replace(at(BOX, 0.2, 0.05, 0.4), friction=0.02)
@@ -489,25 +559,71 @@ def test_what_is_lost_on_the_way_is_not_placed() -> None:
     goal = (0.15, -0.15, 0.02)
     picked = ad.pick(simulation, "box", goal=goal)
     assert picked, picked.reason
-    plant, began = simulation.plant, simulation.time
 
-    activity, is_taken = placing(simulation, goal), False
+    def take(_: RigidTransform) -> RigidTransform:
+        return RigidTransform([-0.3, 0.3, 0.02])
+
+    placed = place_and_move(simulation, goal, take)
+
+    assert not placed
+    assert placed.reason == "'box' was lost on the way"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_seen", [False, True])
+def test_what_moves_in_the_fingers_on_the_way_is_told_and_made_up_for(
+    is_seen: bool,
+) -> None:
+    simulation = simulate(at(BOX, 0.2, 0.05, 0.4))
+    goal = (0.15, -0.15, 0.02, 0.0, 0.0, 0.9)
+    picked = ad.pick(simulation, "box", goal=goal)
+    assert picked, picked.reason
+
+    def slide(X_WB: RigidTransform) -> RigidTransform:
+        arm = Hand(simulation, PickOptions())
+        across = arm.palm().rotation().matrix() @ arm.gripper.closing_axis
+        aside = np.cross([0.0, 0.0, 1.0], across)
+        return RigidTransform(X_WB.rotation(), X_WB.translation() + 4e-3 * aside)
+
+    more = {"held": picked.X_PO} if is_seen else {}
+    placed = place_and_move(simulation, goal, slide, **more)
+
+    assert placed
+    assert placed.slip_distance == pytest.approx(4e-3, abs=1e-3)
+    assert placed.slip_angle < 0.05
+    if is_seen:
+        assert placed.reason == (
+            f"'box' moved by {1e3 * placed.slip_distance:.1f} mm and "
+            f"{placed.slip_angle:.2f} rad in the gripper on the way, and was placed "
+            "as it was seen"
+        )
+        assert placed.position_error == pytest.approx(4e-3, abs=1e-3)
+    else:
+        assert placed.reason == ""
+        assert placed.position_error < 1e-3
+
+
+def place_and_move(
+    simulation: ad.Simulation,
+    goal: Any,
+    change: Callable[[RigidTransform], RigidTransform],
+    **options: Any,
+) -> ad.PlaceResult:
+    """Place the box, and put it elsewhere by its pose on the way."""
+    plant, began = simulation.plant, simulation.time
+    activity, is_changed = placing(simulation, goal, **options), False
     while True:
         try:
             simulation.advance_to(max(next(activity), simulation.time))
         except StopIteration as stop:
-            placed = stop.value
-            break
-        if simulation.time > began + 0.3 and not is_taken:
-            is_taken = True
+            result: ad.PlaceResult = stop.value
+            return result
+        if simulation.time > began + 0.3 and not is_changed:
+            is_changed = True
             context = plant.GetMyMutableContextFromRoot(simulation.context)
             body = plant.GetBodyByName("box")
-            plant.SetFloatingBaseBodyPoseInWorldFrame(
-                context, body, RigidTransform([-0.3, 0.3, 0.02])
-            )
-
-    assert not placed
-    assert placed.reason == "'box' was lost on the way"
+            X_WB = change(plant.EvalBodyPoseInWorld(context, body))
+            plant.SetFloatingBaseBodyPoseInWorldFrame(context, body, X_WB)
 
 
 def test_an_unknown_thing_or_option_is_an_error_that_names_those_there_are() -> None:

@@ -113,21 +113,27 @@ def test_a_link_out_of_reach_is_said_to_be(planar: ad.Robot) -> None:
     )
 
 
+def count_tries(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Return what will hold how many tries were made at once, each time."""
+    tries, descend = [], _Chain.descend
+
+    def count(chain: _Chain, q: np.ndarray, starts: np.ndarray, target: Any) -> Any:
+        tries.append(len(starts))
+        return descend(chain, q, starts, target)
+
+    monkeypatch.setattr(_Chain, "descend", count)
+    return tries
+
+
 def test_what_is_out_of_reach_is_refused_after_a_few_tries(
     planar: ad.Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tries, descend = [], _Chain.descend
-
-    def count(*args: Any) -> Any:
-        tries.append(args)
-        return descend(*args)
-
-    monkeypatch.setattr(_Chain, "descend", count)
+    tries = count_tries(monkeypatch)
 
     with pytest.raises(ad.NoSolution):
         planar.solve_ik("tip", [3.0, 0.0, 0, 0, 0, 0], mask=POSITION)
 
-    assert len(tries) <= 3
+    assert sum(tries) <= 3
 
 
 def test_not_all_solutions_are_looked_for_where_there_is_none(
@@ -138,19 +144,27 @@ def test_not_all_solutions_are_looked_for_where_there_is_none(
         joint("hand", "arm", "tip", kind="fixed", origin="1 0 0"),
         links="base arm tip",
     )
-    tries, descend = [], _Chain.descend
-
-    def count(*args: Any) -> Any:
-        tries.append(args)
-        return descend(*args)
-
-    monkeypatch.setattr(_Chain, "descend", count)
+    tries = count_tries(monkeypatch)
 
     with pytest.raises(ad.NoSolution):
         robot.solve_ik("tip", [0.0, 1.0, 0, 0, 0, 0], mask=POSITION, all_solutions=True)
 
     # A quarter of those that look for another side of an elbow.
-    assert len(tries) == 25
+    assert sum(tries) == 25
+
+
+def test_more_solutions_are_not_looked_for_when_no_new_one_comes(
+    planar: ad.Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tries = count_tries(monkeypatch)
+
+    solution = planar.solve_ik(
+        "tip", [1.0, 0.5, 0, 0, 0, 0], mask=POSITION, all_solutions=True
+    )
+
+    # Both sides of the elbow are met by the nearest starts.
+    assert len(solution.others) == 1
+    assert tries == [25, 25]
 
 
 def test_limits_that_stand_in_the_way_are_named() -> None:

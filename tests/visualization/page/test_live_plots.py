@@ -107,14 +107,20 @@ def test_sampling_leaves_the_simulation_as_it_is(
     assert np.array_equal(live.simulation.rollout().position, alone.rollout().position)
 
 
-def test_without_a_curve_nothing_is_due(live: LiveSimulation) -> None:
-    plots = plots_of(live)
+def test_without_a_curve_nothing_is_due_and_nothing_is_read(
+    live: LiveSimulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plots, reads = plots_of(live), []
+    monkeypatch.setattr(module, "find_number", lambda *args: reads.append(args))
     plots.add(JOINT)
+    live.run(0.1)
+    read = len(reads)
     plots.close()
 
     assert plots.advance() == math.inf
     live.run(0.1)
     assert plots.rows == []
+    assert len(reads) == read > 0
 
 
 def test_a_curve_that_comes_later_has_no_past(live: LiveSimulation) -> None:
