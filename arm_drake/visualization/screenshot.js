@@ -99,8 +99,8 @@ window.arm_drake = (() => {
         ground.position.set(
             grid * Math.round(target[0] / grid), grid * Math.round(target[1] / grid), 0);
         find("Ground").scale.z = grid;
-        // At the world's origin, as long as the page's for robots that large.
-        find("Axes").scale.setScalar(grid);
+        // As on the page: shorter for what is small, never longer.
+        find("Axes").scale.setScalar(Math.min(grid, 1));
         viewer.set_3d_pane_size(width, height);
     };
 
