@@ -42,6 +42,7 @@ from arm_drake.planning.inverse_kinematics import (
 from arm_drake.planning.motion_planning import Plan, plan
 from arm_drake.planning.orientation_constraint import OrientationConstraint
 from arm_drake.planning.setting import PlanningError, find_moving
+from arm_drake.worlds.things import free_bodies
 
 if TYPE_CHECKING:
     from arm_drake.perception.boxes import FoundBox
@@ -239,12 +240,7 @@ class Hand:
         return name
 
     def _things(self) -> Iterator[RigidBody]:
-        plant = self.simulation.plant
-        robots = {plant.GetModelInstanceByName(n) for n in self.simulation.robots}
-        for index in plant.GetFloatingBaseBodies():
-            body = plant.get_body(index)
-            if body.model_instance() not in robots:
-                yield body
+        return free_bodies(self.simulation.plant, self.simulation.robots)
 
     def pose_of(self, thing: str) -> RigidTransform:
         """Return the pose of a thing in the world."""

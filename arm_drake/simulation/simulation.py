@@ -67,6 +67,7 @@ from arm_drake.simulation.recording import (
     read_joint_states,
 )
 from arm_drake.simulation.topics import TopicNames
+from arm_drake.worlds.things import free_poses
 
 if TYPE_CHECKING:
     from arm_drake.perception.cameras import CameraHandle
@@ -353,9 +354,12 @@ class Simulation:
     @property
     def robots(self) -> dict[str, Robot]:
         """The robots by name."""
-        return {
-            name: manager.robot for name, manager in self.directory.managers.items()
-        }
+        return {n: each.robot for n, each in self.directory.managers.items()}
+
+    @property
+    def things(self) -> dict[str, RigidTransform]:
+        """Poses of bodies of the world that move freely, by the names `pick` takes."""
+        return free_poses(self.plant, self.context, self.robots)
 
     @property
     def goals(self) -> list[GoalHandle]:

@@ -2,13 +2,14 @@
 
 import dataclasses as dc
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 from pydrake.geometry import Box, Cylinder, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
-from pydrake.multibody.tree import CalcSpatialInertia
+from pydrake.multibody.tree import CalcSpatialInertia, RigidBody
+from pydrake.systems.framework import Context
 
 from arm_drake.description.robot import Pose
 from arm_drake.errors import InputError, suggest
@@ -125,3 +126,27 @@ def with_things(world: LoadedWorld, things: Sequence[Thing]) -> LoadedWorld:
         add_to=_AddThings(world, things),
         has_things=world.has_things or moves,
     )
+
+
+def free_bodies(plant: MultibodyPlant, robots: Collection[str]) -> Iterator[RigidBody]:
+    """Yield the bodies that move freely and aren't those of robots, which are named."""
+    models = {plant.GetModelInstanceByName(name) for name in robots}
+    for index in plant.GetFloatingBaseBodies():
+        body = plant.get_body(index)
+        if body.model_instance() not in models:
+            yield body
+
+
+def free_poses(
+    plant: MultibodyPlant, context: Context, robots: Collection[str]
+) -> dict[str, RigidTransform]:
+    """Return where free bodies are in the world, by name; the first of two alike.
+
+    `context` is the root context.
+    """
+    own = plant.GetMyContextFromRoot(context)
+    poses: dict[str, RigidTransform] = {}
+    for body in free_bodies(plant, robots):
+        X_WB = RigidTransform(plant.EvalBodyPoseInWorld(own, body))
+        poses.setdefault(str(body.name()), X_WB)
+    return poses
