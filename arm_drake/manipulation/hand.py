@@ -36,12 +36,12 @@ from arm_drake.planning.inverse_kinematics import (
     NoSolution,
     find_reach,
     forward_kinematics,
-    read_pose,
     solve_ik,
 )
 from arm_drake.planning.motion_planning import Plan, plan
 from arm_drake.planning.orientation_constraint import OrientationConstraint
 from arm_drake.planning.setting import PlanningError, find_moving
+from arm_drake.plant.plant import read_pose
 from arm_drake.worlds.things import free_bodies
 
 if TYPE_CHECKING:

@@ -42,7 +42,6 @@ from arm_drake.planning.inverse_kinematics import (
     follow_line,
     forward_kinematics,
     pose_error,
-    read_pose,
     solve_ik,
 )
 from arm_drake.planning.orientation_constraint import Tilt, find_tilt
@@ -65,6 +64,7 @@ from arm_drake.planning.timing import (
 )
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.payloads import Payload
+from arm_drake.plant.plant import read_pose
 from arm_drake.worlds.world import World
 
 if TYPE_CHECKING:

@@ -31,7 +31,7 @@ from arm_drake.description.links import Origin
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.urdf import RobotDescription
-from arm_drake.errors import DescriptionError
+from arm_drake.errors import DescriptionError, InputError
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.drake_log import drake_messages
 from arm_drake.plant.payloads import Payload, add_payloads
@@ -292,6 +292,28 @@ def transform_of(pose: Pose | None) -> RigidTransform:
     if pose is None:
         return RigidTransform()
     return RigidTransform(RollPitchYaw(np.array(pose[3:])), np.array(pose[:3]))
+
+
+def read_pose(pose: RigidTransform | Sequence[float]) -> RigidTransform:
+    """Return a pose as a transform, or raise InputError."""
+    if isinstance(pose, RigidTransform):
+        numbers = np.append(pose.rotation().matrix(), pose.translation())
+        if not np.all(np.isfinite(numbers)):
+            raise InputError("pose: expected finite numbers")
+        if not pose.rotation().IsValid():
+            raise InputError(
+                f"pose: expected a rotation, whose axes have the length 1 and are at "
+                f"right angles; got {pose.rotation().matrix().tolist()}"
+            )
+        return pose
+    expected = "expected a RigidTransform, or x, y, z [m], roll, pitch, yaw [rad]"
+    try:
+        x, y, z, roll, pitch, yaw = (float(number) for number in pose)
+    except (TypeError, ValueError):
+        raise InputError(f"pose: {expected}; got {pose!r}") from None
+    if not all(map(math.isfinite, (x, y, z, roll, pitch, yaw))):
+        raise InputError(f"pose: {expected}, all finite; got {list(pose)}")
+    return transform_of((x, y, z, roll, pitch, yaw))
 
 
 def origin_transform(origin: Origin) -> RigidTransform:

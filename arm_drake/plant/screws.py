@@ -1,10 +1,11 @@
-"""The joints above a link as screws: its poses at many positions at once.
+"""The joints above a link as screws: its poses at many positions at once; turns.
 
 Turns and slides of joints are matrices exp(S q), whose product is the pose. numpy makes
 those of a hundred positions in little more time than those of one; what the joints are
 is read from Drake's Jacobian at zero.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -73,3 +74,40 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.asarray(  # numpy's takes ten times as long.
         a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
     )
+
+
+def rotation_vector(R: np.ndarray) -> np.ndarray:
+    """Return the axis of a rotation times its angle [rad]."""
+    v = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    s, c = math.sqrt(v @ v), R[0, 0] + R[1, 1] + R[2, 2] - 1.0
+    if s > 1e-6:
+        return v * (math.atan2(s, c) / s)
+    if c > 0.0:
+        return 0.5 * v
+    # Half a turn: the axis is the largest column of R + 1.
+    column = (R + np.eye(3))[:, int(np.argmax(np.diag(R)))]
+    return column * (math.pi / math.sqrt(column @ column))
+
+
+def rotation_vectors(R: np.ndarray) -> np.ndarray:
+    """Return the axes of rotations (k, 3, 3) times their angles [rad], (k, 3)."""
+    v = R[:, [2, 0, 1], [1, 2, 0]] - R[:, [1, 2, 0], [2, 0, 1]]
+    s, c = np.sqrt((v * v).sum(axis=1)), R[:, 0, 0] + R[:, 1, 1] + R[:, 2, 2] - 1.0
+    angle = np.arctan2(s, c)
+    vectors = v * np.where(s > 1e-6, angle / np.maximum(s, 1e-6), 0.5)[:, np.newaxis]
+    for k in np.flatnonzero((s <= 1e-6) & (c <= 0.0)):  # Half a turn.
+        vectors[k] = rotation_vector(R[k])
+    return vectors
+
+
+def swings(directions: np.ndarray, axis: int) -> np.ndarray:
+    """Return the turns [rad] that bring an axis of frames to directions in them."""
+    one, two = (axis + 1) % 3, (axis + 2) % 3
+    turns = np.zeros_like(directions)
+    s = np.hypot(directions[:, one], directions[:, two])
+    angle = np.arctan2(s, directions[:, axis])
+    aside = s > 1e-9
+    part = np.where(aside, angle / np.maximum(s, 1e-9), 0.0)
+    turns[:, one] = np.where(aside, -directions[:, two] * part, angle)
+    turns[:, two] = directions[:, one] * part
+    return turns

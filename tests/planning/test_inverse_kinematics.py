@@ -8,7 +8,12 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 import arm_drake as ad
 from arm_drake.errors import InputError
-from arm_drake.planning.inverse_kinematics import _Chain
+from arm_drake.planning.inverse_kinematics import (
+    TOLERANCE,
+    _Chain,
+    _kinematics_of,
+    _Target,
+)
 
 POSITION = (True, True, True, False, False, False)
 
@@ -115,14 +120,46 @@ def test_a_link_out_of_reach_is_said_to_be(planar: ad.Robot) -> None:
 
 def count_tries(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Return what will hold how many tries were made at once, each time."""
-    tries, descend = [], _Chain.descend
+    tries: list[int] = []
+    descend, descend_alone = _Chain.descend, _Chain.descend_alone
 
     def count(chain: _Chain, q: np.ndarray, starts: np.ndarray, target: Any) -> Any:
         tries.append(len(starts))
         return descend(chain, q, starts, target)
 
+    def count_one(chain: _Chain, q: np.ndarray, start: np.ndarray, target: Any) -> Any:
+        tries.append(1)
+        return descend_alone(chain, q, start, target)
+
     monkeypatch.setattr(_Chain, "descend", count)
+    monkeypatch.setattr(_Chain, "descend_alone", count_one)
     return tries
+
+
+@pytest.mark.parametrize("pointing", [False, True])
+@pytest.mark.parametrize("name", ["doosan_a0912", "mycobot_280"])
+def test_tries_at_once_end_where_each_alone_does(name: str, pointing: bool) -> None:
+    robot = ad.load_robot(name)
+    group = next(iter(ad.planning_groups(robot).values()))
+    kinematics = _kinematics_of(robot)
+    chain = kinematics.chain(group.tip, group.joints)
+    q, rng = kinematics.complete({}), np.random.default_rng(3)
+    mask = [True] * 5 + [False] if pointing else [True] * 6
+    met = 0
+    for _ in range(8):
+        values = rng.uniform(chain._low, chain._high)
+        pose = kinematics.pose_of(chain.spread(q, values), group.tip)
+        target = _Target.of(pose, mask, TOLERANCE)
+        starts = chain.starts(q, target, 6)
+        at_once = chain.descend(q, starts, target)
+        alone = [chain.descend_alone(q, start, target) for start in starts]
+
+        assert [target.is_met(e) for e in at_once] == [target.is_met(e) for e in alone]
+        for one, other in zip(at_once, alone, strict=True):
+            if target.is_met(one):
+                met += 1
+                assert one.values == pytest.approx(other.values, abs=1e-4)
+    assert met > 12
 
 
 def test_what_is_out_of_reach_is_refused_after_a_few_tries(
@@ -133,7 +170,7 @@ def test_what_is_out_of_reach_is_refused_after_a_few_tries(
     with pytest.raises(ad.NoSolution):
         planar.solve_ik("tip", [3.0, 0.0, 0, 0, 0, 0], mask=POSITION)
 
-    assert sum(tries) <= 3
+    assert tries == [1, 1, 1]
 
 
 def test_not_all_solutions_are_looked_for_where_there_is_none(
