@@ -62,7 +62,7 @@ from arm_drake.plant.joint_ranges import (
     find_gripper_links,
     find_gripper_ranges,
 )
-from arm_drake.plant.kinematics import KinematicPlant
+from arm_drake.plant.kinematics import BodyPoses, KinematicPlant
 from arm_drake.plant.payloads import (
     Payload,
     Payloads,
@@ -85,6 +85,7 @@ from arm_drake.simulation.recording import BuildInfo
 from arm_drake.timing import choose_time_step, has_rate
 from arm_drake.visualization.meshcat import show_ground
 from arm_drake.worlds.sdf_world import LoadedWorld, show_backdrop
+from arm_drake.worlds.things import free_bodies
 from arm_drake.worlds.world import World, load_world
 
 
@@ -426,6 +427,7 @@ def _add_dynamic_robots(
     push = plant.get_applied_spatial_force_input_port()
     builder.ExportInput(push, "applied_spatial_force")
     builder.ExportOutput(plant.get_state_output_port(), "state")
+    _export_things(builder, parts, plant, plant.get_body_poses_output_port())
 
 
 def _filter_collisions(
@@ -562,6 +564,25 @@ def _add_kinematic_robots(
         system.add(hardware, hardware_interfaces, controllers, report, drive)
     kinematic.connect_geometry(builder, scene_graph)
     builder.ExportOutput(kinematic.GetOutputPort("state"), "state")
+    _export_things(builder, parts, plant, poses)
+
+
+def _export_things(
+    builder: DiagramBuilder,
+    parts: Sequence[RobotParts],
+    plant: MultibodyPlant,
+    poses: OutputPort,
+) -> None:
+    """Add a pose port for each body of the world that moves freely."""
+    bodies: dict[str, int] = {}
+    for body in free_bodies(plant, [part.robot.name for part in parts]):
+        bodies.setdefault(str(body.name()), int(body.index()))
+    if not bodies:
+        return
+    things = builder.AddNamedSystem("things", BodyPoses(bodies))
+    builder.Connect(poses, things.get_input_port())
+    for name in bodies:
+        builder.ExportOutput(things.GetOutputPort(name), f"things.{name}")
 
 
 def _add_perception(

@@ -136,7 +136,7 @@ from arm_drake.perception.lidar import Lidar
 from arm_drake.perception.scenery import Scenery
 from arm_drake.perception.sensors import Place, SensorLog
 from arm_drake.plant.contact import ContactForces
-from arm_drake.plant.kinematics import KinematicPlant, LinkFrames
+from arm_drake.plant.kinematics import BodyPoses, KinematicPlant, LinkFrames
 from arm_drake.plant.sensor_readings import ContactReadings, SensorReadings
 from arm_drake.python_system import PythonSystem
 from arm_drake.simulation.recording import BuildInfo
@@ -300,6 +300,7 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
         "base", 1, RigidTransform(), [Wheel("j", 2, np.zeros(3), np.eye(3)[1], 0.1)]
     ),
     LinkFrames: lambda: LinkFrames([0]),
+    BodyPoses: lambda: BodyPoses({"<name>": 0}),
     SensorReadings: make_sensor_readings,
     ContactReadings: make_contact_readings,
     ControllerManager: make_manager,

@@ -214,3 +214,41 @@ class LinkFrames(PythonSystem):
     def _calc_frames(self, context: Context, output: AbstractValue) -> None:
         poses = self._poses.Eval(context)
         output.set_value([poses[body] for body in self._bodies])
+
+
+class BodyPoses(PythonSystem):
+    """Tells the pose of each of some bodies on a port of its own.
+
+    .. pydrake_system::
+
+        name: BodyPoses
+        input_ports:
+        - body_poses
+        output_ports:
+        - <name>
+
+    ==========  ====  ====  =========================================================
+    port        size  unit  meaning
+    ==========  ====  ====  =========================================================
+    body_poses  --    --    list of RigidTransform: pose of every body in the world
+    <name>      --    --    RigidTransform: pose of the body of this name in the world
+    ==========  ====  ====  =========================================================
+
+    It has no state.
+    """
+
+    def __init__(self, bodies: Mapping[str, int]) -> None:
+        """Create the system, for the indices of bodies by name."""
+        super().__init__()
+        poses = self.DeclareAbstractInputPort(
+            "body_poses", AbstractValue.Make([RigidTransform()])
+        )
+        for name, index in bodies.items():
+            self.DeclareAbstractOutputPort(
+                name,
+                lambda: AbstractValue.Make(RigidTransform()),
+                lambda context, output, index=index: output.set_value(
+                    poses.Eval(context)[index]
+                ),
+                prerequisites_of_calc={poses.ticket()},
+            )

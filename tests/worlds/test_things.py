@@ -19,6 +19,10 @@ def test_a_simulation_says_where_what_moves_freely_is() -> None:
     simulation.advance_to(0.2)
 
     assert list(simulation.things) == ["ball"]
+    assert simulation.eval_output("things.ball").IsExactlyEqualTo(
+        simulation.things["ball"]
+    )
+    assert not simulation.diagram.HasOutputPort("things.post")
     fallen = 1.0 - 0.5 * 9.81 * 0.2**2  # But for the steps of the integration.
     assert simulation.things["ball"].translation() == pytest.approx(
         [2.0, 0.0, fallen], abs=2e-3
