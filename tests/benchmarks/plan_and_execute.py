@@ -116,6 +116,12 @@ def measure(name: str, rounds: int) -> str:
                 print(f"{name}: touched by {sorted(contacts.seen)}", file=sys.stderr)
             if done >= rounds:
                 break
+        print(
+            f"{name}: {done} of {rounds}: planned {found}, succeeded {succeeded}, "
+            f"touched {touched}",
+            file=sys.stderr,
+            flush=True,
+        )
     took = time.process_time() - began
     return (
         f"{name:<20} {done} rounds: planned {found}, succeeded {succeeded}, "
