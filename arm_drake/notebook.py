@@ -33,7 +33,6 @@ from arm_drake.output_files import writing
 from arm_drake.planning.motion_planning import Plan
 from arm_drake.planning.surroundings import show_standing
 from arm_drake.plant.plant import add_robot_model, add_visualizer
-from arm_drake.simulation.motion import default_duration
 from arm_drake.simulation.motion_files import (
     MotionSource,
     find_motion,
@@ -466,9 +465,7 @@ def animate(
     """
     base_options, loaded = options or SimulationOptions(), _load(robots)
     chosen = None if motion is None else find_motion(motion, loaded[0])
-    if duration is None:
-        duration = default_duration(chosen)
-    if not 0.0 < duration < math.inf:
+    if duration is not None and not 0.0 < duration < math.inf:
         raise InputError(f"duration: expected more than 0 s, got {duration!r}")
     rate = base_options.frame_rate or SimulationOptions.frame_rate
     with Scene() as scene:

@@ -34,7 +34,7 @@ from arm_drake.options import SimulationOptions
 from arm_drake.plant.payloads import Payloads
 from arm_drake.rollout.rollout import Rollout
 from arm_drake.simulation.mailbox import GoalHandle
-from arm_drake.simulation.motion import Motion, default_duration
+from arm_drake.simulation.motion import Motion
 from arm_drake.simulation.motion_files import (
     MotionSource,
     find_motion,
@@ -266,8 +266,7 @@ class Runner:
                 simulation = self._prepare(run)
             robot = next(iter(simulation.robots.values()))
             motion = _find_motion(run, robot)
-        duration = default_duration(motion) if run.duration is None else run.duration
-        simulation.run(duration, motion, progress=lambda _: check_stop())
+        simulation.run(run.duration, motion, progress=lambda _: check_stop())
         value = (self._keep or Outcome.of)(simulation)
         if key is not None:
             self._local.last = (key, run.robot, simulation)

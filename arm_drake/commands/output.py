@@ -24,6 +24,7 @@ from arm_drake.rollout.formats import can_stream, writer_for
 from arm_drake.rollout.mcap import load_types
 from arm_drake.rollout.rollout import Rollout
 from arm_drake.simulation.mailbox import GoalHandle, SimulationEvent
+from arm_drake.simulation.motion import TaskOutcome
 from arm_drake.simulation.recording import read_rollout
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.plot import PLOT_KINDS, check_plot_path
@@ -144,6 +145,8 @@ class Speaker:
             print(f"warning: {text}; they are held to them", file=sys.stderr)
         elif isinstance(event, GoalHandle):
             self._goal(event)
+        elif isinstance(event, TaskOutcome):
+            self.line(event.describe())
 
     def _switched(self, result: SwitchControllerResult) -> None:
         lists = {
@@ -203,6 +206,7 @@ def summarize(
             }
             for goal in simulation.goals
         ],
+        "tasks": [outcome.to_json() for outcome in simulation.tasks],
         "failures": list(failures),
         "effort_saturation": dict(saturation),
         "final": final,

@@ -68,7 +68,7 @@ def _read_inputs(path: Path | None) -> Iterable[ClientInput]:
 def _length(rollout: Rollout, motion: Motion | None) -> float:
     """Return how long a run was [s], with what came in last."""
     ends = [float(rollout.time[-1]), *(each.time for each in rollout.inputs)]
-    if motion is not None:
+    if motion is not None and not motion.tasks:
         ends.append(default_duration(motion))
     return max(ends)
 

@@ -234,11 +234,10 @@ def _simulate_headless(
 ) -> int:
     """Simulate without a page; return the exit code."""
     motion = scene.motion
-    chosen, rate = choose_duration(options, motion), options.rate or 0.0
+    rate, duration = options.rate or 0.0, options.duration
     if options.ros is not None or options.inputs is not None:
+        chosen = choose_duration(options, motion)
         return _simulate_served(options, scene, chosen, say)
-    assert chosen is not None  # Only a page goes on without an end.
-    duration = chosen
     if not (needs_recording(options) or options.screenshot):
         _check_nothing_shown(options)
         simulation = _prepare(options, scene, None, say)
@@ -418,6 +417,7 @@ def _simulate_live(options: argparse.Namespace, scene: Scene, say: Speaker) -> i
                 live.wait_for_browser()
             if duration is None:
                 say.line("simulating until Ctrl-C")
+            live.ends = options.duration is None
             live.run(duration, say.progress)
 
         with interrupting(live.stop) as is_interrupted:

@@ -5,9 +5,11 @@ of the arm comes to a sphere somewhere in its reach.
 """
 
 import dataclasses as dc
+import inspect
+import math
 import time
 import webbrowser
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, SupportsFloat
 
 import gymnasium
@@ -24,12 +26,12 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
-from arm_drake.arrays import Array
+from arm_drake.arrays import Array, is_number
 from arm_drake.description.controllers import ControllerConfig
 from arm_drake.description.entry import Source
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
-from arm_drake.errors import InputError, SimulationError, suggest
+from arm_drake.errors import InputError, SimulationError, quoted, suggest
 from arm_drake.loading import load_robot
 from arm_drake.messages import Duration, JointTrajectory, JointTrajectoryPoint
 from arm_drake.options import SimulationOptions
@@ -258,8 +260,11 @@ class Environment(gymnasium.Env[Array, Array]):
         if render_mode is not None and render_mode not in RENDER_MODES:
             hint = suggest(str(render_mode), RENDER_MODES)
             raise InputError(f"unknown render_mode {render_mode!r}; {hint}")
-        if not period > 0.0:
+        if not (is_number(period) and 0.0 < period < math.inf):
             raise InputError(f"period: expected a time [s] above 0, got {period!r}")
+        if not isinstance(task, Task):
+            text = "expected a task, such as ReachTask() or a class of your own"
+            raise InputError(f"task: {text} that is a Task, got {task!r}")
         self.robot, self.task, self.period = robot, task, period
         self.render_mode = render_mode
         self.metadata = {
@@ -295,7 +300,8 @@ class Environment(gymnasium.Env[Array, Array]):
             raise InputError(f"no link {name!r}; {suggest(name, links)}")
 
     def link_pose(self, name: str) -> RigidTransform:
-        """Return where a link is in the world."""
+        """Return where a link is in the world, or raise InputError."""
+        self.check_frame(name)
         return self.simulation.link_poses()[name]
 
     def reset(
@@ -311,7 +317,7 @@ class Environment(gymnasium.Env[Array, Array]):
             if self.meshcat is not None:
                 self.meshcat.SetObject(f"task/{index}", shape, color)
                 self.meshcat.SetTransform(f"task/{index}", pose)
-        info = dict(self.task.evaluate(self).info)
+        info = dict(self._evaluate().info)
         if self.render_mode == "human":
             self.render()
         return self._observe(), info
@@ -331,7 +337,7 @@ class Environment(gymnasium.Env[Array, Array]):
             simulation.advance_to(simulation.time + self.period)
         except SimulationError as error:
             failure = str(error)
-        reward, is_terminated, info = self.task.evaluate(self)
+        reward, is_terminated, info = self._evaluate()
         info = dict(info)
         if failure is not None:
             info["failure"] = failure
@@ -340,6 +346,21 @@ class Environment(gymnasium.Env[Array, Array]):
             self.render()
         is_over = is_terminated or failure is not None
         return self._observe(), reward, is_over, is_late and not is_over, info
+
+    def _evaluate(self) -> Evaluation:
+        """Return what the task says, or raise InputError if that is no evaluation."""
+        found, name = self.task.evaluate(self), type(self.task).__name__
+        if not (isinstance(found, tuple) and len(found) == 3):
+            text = f"expected an Evaluation(reward, is_terminated, info), got {found!r}"
+            raise InputError(f"{name}.evaluate: {text}")
+        found = Evaluation(*found)
+        if not (is_number(found.reward) and math.isfinite(found.reward)):
+            text = f"expected a finite number as reward, got {found.reward!r}"
+            raise InputError(f"{name}.evaluate: {text}")
+        if not isinstance(found.info, Mapping):
+            text = f"expected a mapping as info, got {found.info!r}"
+            raise InputError(f"{name}.evaluate: {text}")
+        return found
 
     def _send(self, action: Array) -> None:
         actuation = self._actuation
@@ -431,6 +452,12 @@ def make_env(
         MissingExtraError: If Gymnasium isn't installed.
     """
     if not isinstance(robot, Robot):
+        known = [*inspect.signature(load_robot).parameters][1:]
+        for name in load_options:
+            if name not in known:
+                own = [*inspect.signature(make_env).parameters][1:-1]
+                hint = suggest(name, [*own, *known])
+                raise InputError(f"make_env: no option {name!r}; {hint}")
         robot = load_robot(robot, **load_options)
     elif load_options:
         raise InputError(f"{next(iter(load_options))}: the robot is loaded already")
@@ -458,8 +485,12 @@ def _find_actuation(robot: Robot, name: str | None) -> _Actuation:
         problem = "takes no actions" if name in known else "isn't there"
         raise InputError(f"controller {name!r} {problem}; {hint}")
     if not found:
-        text = "no controller takes trajectories or commands of joints"
-        raise InputError(f"robot {robot.name!r}: {text}")
+        names = quoted(config.name for config in robot.controllers.controllers)
+        raise InputError(
+            f"robot {robot.name!r}: no controller takes trajectories or commands of "
+            f"joints; there are {names or 'none'}. A xacro argument may choose others, "
+            "as xacro_args={'control': 'ros2_control'} does for mycobot_280"
+        )
     if name is not None:
         return found[name]
     return max(found.values(), key=lambda each: len(each.joints))

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RollPitchYaw
 
 from arm_drake.manipulation.activities import (
     Activity,
@@ -83,6 +83,19 @@ class PickResult:
         """Whether the thing is held."""
         return self.success
 
+    def describe(self) -> str:
+        """Return what became of it, in words."""
+        if not self.success:
+            return self.reason
+        count = len([a for a in self.attempts if a.grasp is not None])
+        which = "at the first grasp" if count == 1 else f"at grasp {count}"
+        return f"held and lifted {which}, in {self.duration:.1f} s"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return how often it was tried, and how long that took [s]."""
+        count = len([a for a in self.attempts if a.grasp is not None])
+        return {"thing": self.thing, "attempts": count, "duration": self.duration}
+
 
 @dc.dataclass(frozen=True)
 class PlaceResult:
@@ -113,6 +126,31 @@ class PlaceResult:
     def __bool__(self) -> bool:
         """Whether the thing was placed."""
         return self.success
+
+    def describe(self) -> str:
+        """Return what became of it, in words."""
+        if not self.success or self.pose is None:
+            return self.reason
+        at = ", ".join(f"{value:.3f}" for value in self.pose.translation())
+        miss = f"{1e3 * self.position_error:.1f} mm"
+        turn = f"{math.degrees(self.orientation_error):.1f} degrees"
+        told = self.reason
+        if not told and (self.slip_distance > _MOVED or self.slip_angle > _MOVED_TURN):
+            told = f"moved by {1e3 * self.slip_distance:.1f} mm in the gripper"
+        text = f"placed at {at} m in {self.duration:.1f} s, {miss} and {turn} off"
+        return f"{text}; {told}" if told else text
+
+    def to_json(self) -> dict[str, Any]:
+        """Return where the thing is, and by how much that misses [m], [rad], [s]."""
+        names = ("position_error", "orientation_error", "slip_distance", "slip_angle")
+        found: dict[str, Any] = {"thing": self.thing or None}
+        if self.pose is not None:
+            angles = RollPitchYaw(self.pose.rotation()).vector()
+            found["pose"] = [*self.pose.translation().tolist(), *angles.tolist()]
+        for name in names:
+            value = getattr(self, name)
+            found[name] = value if math.isfinite(value) else None
+        return {**found, "duration": self.duration}
 
 
 def pick(simulation: Runner, thing: str, **options: Any) -> PickResult:

@@ -44,6 +44,9 @@ _DAMPING = 0.01
 # Least number of pixels of a thing that is seen.
 PIXELS = 12
 
+# So close to the distance that is asked for is there, as a part of it.
+_NEAR = 0.1
+
 # A joint without a limit of velocity moves so fast [rad/s] or [m/s].
 _SPEED = 1.0
 
@@ -91,6 +94,9 @@ class FollowOptions:
             if not is_above(value, above=0.0):
                 text = f"expected a number above 0, got {value!r}"
                 raise InputError(f"{name}: {text}")
+        if self.velocity_scaling > 1.0:
+            text = f"expected more than 0, at most 1, got {self.velocity_scaling!r}"
+            raise InputError(f"velocity_scaling: {text}")
 
 
 @dc.dataclass(frozen=True)
@@ -100,7 +106,7 @@ class FollowResult:
     # The name of the thing.
     thing: str
 
-    # Whether it is seen in the end.
+    # Whether it is seen in the end, at the distance that was asked for, within a tenth.
     success: bool
 
     # Why it isn't, in words.
@@ -111,12 +117,36 @@ class FollowResult:
     times: NDArray[np.float64] = dc.field(default_factory=lambda: np.zeros(0))
     errors: NDArray[np.float64] = dc.field(default_factory=lambda: np.zeros((0, 2)))
 
+    # How far it was from the camera, along its axis, at these times [m], shape (n,);
+    # empty if the camera measures no depths.
+    distances: NDArray[np.float64] = dc.field(default_factory=lambda: np.zeros(0))
+
     # From when until when it wasn't seen [s]; the arm held still.
     lost: tuple[tuple[float, float], ...] = ()
 
     def __bool__(self) -> bool:
-        """Whether it is seen in the end."""
+        """Whether it is seen in the end, at the distance that was asked for."""
         return self.success
+
+    def describe(self) -> str:
+        """Return what became of it, in words."""
+        if not self.success:
+            return self.reason
+        away = math.degrees(math.atan(float(np.linalg.norm(self.errors[-1]))))
+        text = f"seen in the end, {away:.1f} degrees from the middle of the picture"
+        if self.distances.size:
+            text += f" and {self.distances[-1]:.3f} m away"
+        times = len(self.lost)
+        return f"{text}; lost {times} times on the way" if times else text
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the last errors (tangents of angles), distance [m], losses [s]."""
+        return {
+            "thing": self.thing,
+            "error": self.errors[-1].tolist() if len(self.errors) else None,
+            "distance": float(self.distances[-1]) if self.distances.size else None,
+            "lost": [list(span) for span in self.lost],
+        }
 
 
 class Feature(NamedTuple):
@@ -165,6 +195,7 @@ def _follow(servo: "Servo") -> Activity[FollowResult]:
     end = simulation.time + servo.options.duration
     times: list[float] = []
     errors: list[tuple[float, float]] = []
+    distances: list[float] = []
     lost: list[tuple[float, float]] = []
     lost_at: float | None = None
     while simulation.time < end - 1e-9:
@@ -177,6 +208,7 @@ def _follow(servo: "Servo") -> Activity[FollowResult]:
                 lost_at = None
             times.append(now)
             errors.append((seen.x, seen.y))
+            distances.append(seen.depth)
             servo.move(seen)
         yield min(now + servo.period, end)
     reason = ""
@@ -184,9 +216,16 @@ def _follow(servo: "Servo") -> Activity[FollowResult]:
         lost.append((lost_at, simulation.time))
         since = f"since {lost_at:.2f} s" if times else "at all"
         reason = f"{servo.thing!r} isn't seen {since}; the arm holds still"
-    seen_errors = np.array(errors).reshape(-1, 2)
+    elif distances:
+        reason = servo.find_miss(distances[-1])
     return FollowResult(
-        servo.thing, not reason, reason, np.array(times), seen_errors, tuple(lost)
+        servo.thing,
+        not reason,
+        reason,
+        np.array(times),
+        np.array(errors).reshape(-1, 2),
+        np.array(distances if servo.camera.has("depth") else []),
+        tuple(lost),
     )
 
 
@@ -281,6 +320,17 @@ class Servo:
             depths = depths[np.isfinite(depths)]
             depth = float(np.median(depths)) if depths.size else depth
         return Feature(float(x), float(y), depth)
+
+    def find_miss(self, distance: float) -> str:
+        """Return what is wrong with the distance in the end [m], if anything is."""
+        wanted = self.options.distance
+        if wanted is None or abs(distance / wanted - 1.0) <= _NEAR:
+            return ""
+        at = (self._command <= self._lower) | (self._command >= self._upper)
+        names = [name for name, is_at in zip(self.joints, at, strict=True) if is_at]
+        why = f"; at their limits: {quoted(names)}" if names else ""
+        text = f"{self.thing!r} is {distance:.3f} m away in the end"
+        return f"{text}, not {wanted:g} m{why}"
 
     def move(self, seen: Feature) -> None:
         """Send the joints to where the law has them in a period."""

@@ -33,6 +33,7 @@ from arm_drake.messages import (
     TopicRejected,
 )
 from arm_drake.rollout.rollout import ClientInput
+from arm_drake.simulation.motion import PlanTo, TaskOutcome
 from arm_drake.simulation.topics import describe_grip
 
 
@@ -105,7 +106,7 @@ Rejection: TypeAlias = TopicRejected | ParametersRejected
 Failure: TypeAlias = ControllerFailure | SwitchControllerResult
 
 SimulationEvent: TypeAlias = (
-    GoalHandle | Rejection | CancelResponse | Failure | CommandLimited
+    GoalHandle | Rejection | CancelResponse | Failure | CommandLimited | TaskOutcome
 )
 
 
@@ -212,9 +213,10 @@ class Mailbox:
         self.inputs: list[ClientInput] = []
 
         # News of the simulation itself.
-        self._own: list[Rejection] = []
+        self._own: list[Rejection | TaskOutcome] = []
 
         self.goals: list[GoalHandle] = []
+        self.tasks: list[TaskOutcome] = []
         self.rejected: list[Rejection] = []
         self.failures: list[Failure] = []
 
@@ -234,6 +236,15 @@ class Mailbox:
         """Take note of a message that can't be sent on."""
         self.add_message(message, where)
         self._own.append(TopicRejected(message, reason))
+
+    def end_task(self, outcome: TaskOutcome) -> None:
+        """Take note of what became of a task; what was planned has goals of its own."""
+        if not isinstance(outcome.task, PlanTo):
+            self.tasks.append(outcome)
+        if outcome.reason:
+            self.reject(outcome.task, outcome.reason, outcome.where)
+        else:
+            self._own.append(outcome)
 
     def _forget_places(self) -> None:
         """Forget where messages came from that lie on no port and weren't refused."""
@@ -337,7 +348,12 @@ class Mailbox:
 
     def _take(
         self,
-        event: GoalEvent | Rejection | CancelResponse | Failure | CommandLimited,
+        event: GoalEvent
+        | Rejection
+        | CancelResponse
+        | Failure
+        | CommandLimited
+        | TaskOutcome,
         name: str,
     ) -> list[SimulationEvent]:
         """Take note of an event; return it, or nothing if nobody waits for it."""
@@ -361,8 +377,12 @@ class Mailbox:
             self.failures.append(event)
         return [event]
 
-    def describe(self, event: Rejection | Failure | CommandLimited) -> str:
+    def describe(
+        self, event: Rejection | Failure | CommandLimited | TaskOutcome
+    ) -> str:
         """Return one line about a rejection or a failure: where, who, what, why."""
+        if isinstance(event, TaskOutcome):
+            return event.describe()
         name = self._names.get(id(event), "")
         if isinstance(event, CommandLimited):
             return f"{name}joint {event.joint!r}: commands are held to its limits"

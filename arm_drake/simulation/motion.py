@@ -5,7 +5,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias, TypeVar
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from arm_drake.errors import MotionError, quoted, suggest
 from arm_drake.messages import (
@@ -20,12 +20,12 @@ from arm_drake.plant.payloads import Payload
 
 T = TypeVar("T", bound=Time)
 
-# What a plan and its motion take at most where nobody says how long to simulate [s].
-_PLANNED = 10.0
+# What a task takes at most where nobody says how long to simulate [s].
+_AT_MOST = 30.0
 
 # How long to simulate without a motion, and what follows one [s].
 _WITHOUT_MOTION = 10.0
-_AFTER_MOTION = 1.0
+AFTER_MOTION = 1.0
 
 # One of those of `motion_files.STEP_KINDS`; None cancels the controller's goal. Numbers
 # are for any controller that takes commands, also as another message.
@@ -58,10 +58,15 @@ class Task(Message):
     # Further arguments of the function of the same name: `plan`, `pick`, ...
     options: Mapping[str, Any] = dc.field(default_factory=dict)
 
+    # What it is called in a motion file.
+    kind: ClassVar[str] = ""
+
 
 @dc.dataclass(frozen=True, eq=False)
 class PlanTo(Task):
     """A motion that is planned when it is due, and sent to the group's controller."""
+
+    kind = "plan_to"
 
     # Names of states, joint positions [rad] or [m], or poses, one after the other.
     to: tuple[str | Mapping[str, float] | tuple[float, ...], ...]
@@ -71,12 +76,16 @@ class PlanTo(Task):
 class PickThing(Task):
     """A thing that is grasped and lifted."""
 
+    kind = "pick"
+
     thing: str
 
 
 @dc.dataclass(frozen=True, eq=False)
 class PlaceThing(Task):
     """Where to put down what the gripper holds."""
+
+    kind = "place"
 
     # x, y, z [m]; roll, pitch, yaw [rad] may follow.
     pose: tuple[float, ...]
@@ -86,7 +95,61 @@ class PlaceThing(Task):
 class FollowThing(Task):
     """A thing that an arm keeps in its camera's picture."""
 
+    kind = "follow"
+
     thing: str
+
+
+class TaskResult(Protocol):
+    """What became of a pick, a place, or of following a thing."""
+
+    # What it was about, and why it failed, or what else is to be said.
+    thing: str
+    reason: str
+
+    def describe(self) -> str:
+        """Return what became of it, if it went well, in words."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return its figures; what isn't known is None."""
+
+
+@dc.dataclass(frozen=True, eq=False)
+class TaskOutcome:
+    """What became of a task of a motion."""
+
+    task: Task
+
+    # Where it stands in its file.
+    where: str
+
+    # When it ended [s].
+    time: float
+
+    # What was told of it, unless it couldn't begin or was broken off.
+    result: TaskResult | None
+
+    # Why it failed, in words; empty if it didn't.
+    reason: str = ""
+
+    def describe(self) -> str:
+        """Return what was done, and what became of it."""
+        thing = getattr(self.result, "thing", "") or getattr(self.task, "thing", "")
+        told = self.reason or (self.result.describe() if self.result else "done")
+        robot = f"{self.task.robot}: " if self.task.robot else ""
+        return f"{robot}{self.task.kind} {thing}: {told}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what was done, and what became of it, with figures."""
+        return {
+            "task": self.task.kind,
+            "robot": self.task.robot,
+            "thing": getattr(self.task, "thing", None),
+            "success": not self.reason,
+            "reason": self.reason,
+            "ended_at": self.time,
+            **(self.result.to_json() if self.result else {}),
+        }
 
 
 # What a step stands for.
@@ -136,23 +199,33 @@ class Motion:
         Of a motion that repeats it is that of one round: the next one starts when a
         further message of its steps would be due.
         """
-        factors: dict[str | None, list[tuple[float, float]]] = {}
-        for step in self.steps:
-            factor = _speed_of(step.message)
-            if factor is not None:
-                factors.setdefault(_receiver(step), []).append((step.at, factor))
-        ends = [_end(step, factors.get(_receiver(step), ())) for step in self.steps]
-        planned = 0.0
+        ends, planned = [self.end_of_messages], 0.0
         for step in self.steps:
             if isinstance(step.message, Task):  # It waits for those before.
-                takes = _PLANNED
+                takes = _AT_MOST
                 if isinstance(step.message, FollowThing):
-                    takes = step.message.options.get("duration", _PLANNED)
+                    takes = step.message.options.get("duration", _AT_MOST)
                 planned = max(planned, step.at) + takes
         ends.append(planned)
         if self.repeats:
             ends += [step.at + step.every for step in self.steps]
         return max(ends, default=0.0)
+
+    @property
+    def end_of_messages(self) -> float:
+        """When the last step is done that is no task [s]."""
+        factors: dict[str | None, list[tuple[float, float]]] = {}
+        for step in self.steps:
+            factor = _speed_of(step.message)
+            if factor is not None:
+                factors.setdefault(_receiver(step), []).append((step.at, factor))
+        ends = (_end(step, factors.get(_receiver(step), ())) for step in self.steps)
+        return max(ends, default=0.0)
+
+    @property
+    def tasks(self) -> list[Task]:
+        """What robots do, however long it takes, in order."""
+        return [s.message for s in self.steps if isinstance(s.message, Task)]
 
     def timeline(self) -> Iterator[tuple[float, MotionStep]]:
         """Yield when each step is due [s], and the step; for ever if it repeats."""
@@ -167,8 +240,11 @@ class Motion:
 
 
 def default_duration(motion: Motion | None) -> float:
-    """Return how long to simulate where nobody says it [s]: one round of a motion."""
-    return _WITHOUT_MOTION if motion is None else motion.duration + _AFTER_MOTION
+    """Return how long to simulate where nobody says it [s]: one round of a motion.
+
+    Of one with tasks it is the most: its player knows when they are done.
+    """
+    return _WITHOUT_MOTION if motion is None else motion.duration + AFTER_MOTION
 
 
 def _receiver(step: MotionStep) -> str | None:

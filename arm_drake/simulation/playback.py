@@ -1,5 +1,6 @@
 """Playback of a motion: its steps, sent to the controllers of a simulation."""
 
+import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any, NamedTuple, Protocol
 
@@ -13,6 +14,7 @@ from arm_drake.simulation import clients
 from arm_drake.simulation.clients import ControllerHandle, TopicHandle
 from arm_drake.simulation.directory import ControllerList, Directory
 from arm_drake.simulation.motion import (
+    AFTER_MOTION,
     FollowThing,
     Motion,
     MotionStep,
@@ -21,6 +23,7 @@ from arm_drake.simulation.motion import (
     PlanTo,
     SetPayloads,
     Task,
+    TaskOutcome,
     TopicMessage,
 )
 
@@ -70,8 +73,8 @@ class Runner(Protocol):
     def rests(self, robot: str | None = None) -> bool:
         """Return whether no joint of a robot moves, and no goal makes one move."""
 
-    def reject_task(self, message: Task, reason: str, *, where: str) -> None:
-        """Take note of what a robot was to do and didn't, and why."""
+    def end_task(self, outcome: TaskOutcome) -> None:
+        """Take note of what became of a task."""
 
     def request_switch(self, request: SwitchController, *, where: str) -> None:
         """Send a request to a controller manager."""
@@ -102,13 +105,25 @@ class Player:
         self._held: dict[str, RigidTransform] = {}
         self._steps = self._motion.timeline()
         self._next = next(self._steps, None)
+        # When a motion with tasks is over, a while after they are done [s].
+        self._over_at = math.inf
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the motion has tasks, and they were done a while ago."""
+        return self._simulation.time >= self._over_at
 
     def play(
-        self, duration: float, progress: Callable[[float], None] | None = None
+        self,
+        duration: float,
+        progress: Callable[[float], None] | None = None,
+        *,
+        ends: bool = False,
     ) -> None:
         """Simulate for a while [s] and send what is due.
 
         `progress` is called with the simulated time [s], ten times a second of it.
+        `ends` is whether to stop before, when the motion is over.
         """
         simulation = self._simulation
         end, report_at = simulation.time + duration, simulation.time
@@ -117,9 +132,14 @@ class Player:
             if progress is not None and simulation.time >= report_at:
                 progress(simulation.time)
                 report_at += 0.1
+            if ends:
+                self._look_for_end()
+                end = min(end, self._over_at)
             if simulation.time >= end:
                 return
             targets = [end]
+            if ends and self._over_at == math.inf and self._is_idle():
+                targets.append(simulation.time + _LOOK_PERIOD)
             if self._next is not None:
                 # Rounded, it may come after its tick, which would not see it.
                 due = self._start + self._next[0]
@@ -130,6 +150,20 @@ class Player:
             if progress is not None:
                 targets.append(report_at)
             simulation.advance_to(max(min(targets), simulation.time))
+
+    def _is_idle(self) -> bool:
+        """Return whether there were tasks, and nothing is begun or to be begun."""
+        left = self._waiting or self._running or self._next is not None
+        return bool(self._motion.tasks) and not left
+
+    def _look_for_end(self) -> None:
+        """Find out whether all is done, and the robots rest that did it."""
+        now = self._simulation.time
+        done = self._start + self._motion.end_of_messages
+        if self._over_at == math.inf and self._is_idle() and now >= done:
+            robots = {task.robot for task in self._motion.tasks}
+            if all(map(self._simulation.rests, robots)):
+                self._over_at = now + AFTER_MOTION
 
     def give_up(self) -> None:
         """Say what wasn't begun as robots didn't come to rest, or wasn't ended."""
@@ -145,8 +179,8 @@ class Player:
 
     def _reject(self, step: MotionStep, reason: str) -> None:
         assert isinstance(step.message, Task)
-        where = self._motion.place(step)
-        self._simulation.reject_task(step.message, reason, where=where)
+        where, now = self._motion.place(step), self._simulation.time
+        self._simulation.end_task(TaskOutcome(step.message, where, now, None, reason))
 
     def _send_due(self) -> None:
         now = self._simulation.time + self._tolerance
@@ -217,9 +251,10 @@ def _perform(
 
     options = {**message.options, "robot": message.robot}
     robot = message.robot or next(iter(simulation.robots))
+    result: Any = None
     try:
         if isinstance(message, PickThing):
-            result: Any = yield from picking(simulation, message.thing, **options)
+            result = yield from picking(simulation, message.thing, **options)
             if result:
                 held.pop(robot, None)
                 if "camera" in options:
@@ -233,10 +268,11 @@ def _perform(
             if result:
                 held.pop(robot, None)
     except ArmDrakeError as error:
-        simulation.reject_task(message, str(error), where=where)
+        reason = str(error)
     else:
-        if not result:
-            simulation.reject_task(message, result.reason, where=where)
+        reason = "" if result else result.reason
+    outcome = TaskOutcome(message, where, simulation.time, result, reason)
+    simulation.end_task(outcome)
 
 
 def _check_task(simulation: Any, message: Task) -> None:

@@ -16,12 +16,7 @@ from pydrake.systems.framework import Context, Diagram
 
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
-from arm_drake.errors import (
-    ArmDrakeError,
-    InputError,
-    OutputError,
-    SimulationError,
-)
+from arm_drake.errors import ArmDrakeError, InputError, OutputError, SimulationError
 from arm_drake.manager import MANAGER, SWITCH_PORT
 from arm_drake.messages import (
     GoalStatus,
@@ -32,12 +27,7 @@ from arm_drake.messages import (
 )
 from arm_drake.output_files import unbroken, writing
 from arm_drake.plant.contact import rejoin
-from arm_drake.plant.payloads import (
-    Payload,
-    Payloads,
-    set_payload,
-    split_payloads,
-)
+from arm_drake.plant.payloads import Payload, Payloads, set_payload, split_payloads
 from arm_drake.rollout.formats import stream_writer_for
 from arm_drake.rollout.rollout import Rollout
 from arm_drake.simulation.clients import ControllerHandle, TopicHandle, list_topics
@@ -54,7 +44,12 @@ from arm_drake.simulation.mailbox import (
     Rejection,
     SimulationEvent,
 )
-from arm_drake.simulation.motion import Motion, PlanTo, Task, default_duration
+from arm_drake.simulation.motion import (
+    Motion,
+    PlanTo,
+    TaskOutcome,
+    default_duration,
+)
 from arm_drake.simulation.motion_files import (
     MotionSource,
     find_motion,
@@ -367,6 +362,11 @@ class Simulation:
         return self.mailbox.goals
 
     @property
+    def tasks(self) -> list[TaskOutcome]:
+        """What became of what motions had robots pick, place and follow, in order."""
+        return self.mailbox.tasks
+
+    @property
     def rejected(self) -> list[Rejection]:
         """Messages and parameters that controllers refused, in order."""
         return self.mailbox.rejected
@@ -619,7 +619,7 @@ class Simulation:
 
         Args:
             duration: How long [s]; by default 1 s longer than the motion (one round of
-                it), 10 s without one.
+                it, or until its tasks are done), 10 s without one.
             motion: What to send, its times counted from now: a Motion, the name of one
                 that comes with the first robot, or a file.
             realtime_rate: Simulated seconds per second of wall time; 0 is as fast as
@@ -633,6 +633,7 @@ class Simulation:
         """
         if motion is not None:
             motion = find_motion(motion, self.directory.manager(None).robot)
+        ends = duration is None
         if duration is None:
             duration = default_duration(motion)
         is_number = isinstance(duration, int | float | np.number)
@@ -642,7 +643,7 @@ class Simulation:
         # The rate counts from now.
         self.simulator.ResetStatistics()
         self.simulator.set_target_realtime_rate(realtime_rate)
-        player.play(duration, progress)
+        player.play(duration, progress, ends=ends)
         player.give_up()
         self.simulator.set_target_realtime_rate(0.0)
 
@@ -706,9 +707,9 @@ class Simulation:
             self.mailbox.reject(message, str(error), where)
         return True
 
-    def reject_task(self, message: Task, reason: str, *, where: str) -> None:
-        """Take note of what a robot was to do and didn't, and why."""
-        self.mailbox.reject(message, reason, where)
+    def end_task(self, outcome: TaskOutcome) -> None:
+        """Take note of what became of a task of a motion."""
+        self.mailbox.end_task(outcome)
         self.collect_events()
 
     def send_planned(self, plan: "Plan", *, where: str = "") -> GoalHandle | None:

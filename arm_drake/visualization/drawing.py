@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from pydrake.geometry import Meshcat, MeshcatVisualizer
 
-from arm_drake.simulation.motion import Motion
+from arm_drake.simulation.motion import Motion, default_duration
 from arm_drake.simulation.playback import Player
 from arm_drake.simulation.simulation import TICK_TOLERANCE, Simulation
 from arm_drake.visualization.meshcat import THREE_QUARTER, frame_shapes
@@ -43,7 +43,7 @@ def frame_robots(
 
 def run_drawing(
     simulation: Simulation,
-    duration: float,
+    duration: float | None,
     motion: Motion | None = None,
     *,
     draw: Callable[[], None],
@@ -52,6 +52,8 @@ def run_drawing(
     progress: Callable[[float], None] | None = None,
 ) -> None:
     """Simulate for a while [s] and draw at equal times, and at once.
+
+    `duration` is None for that of the motion, as `Simulation.run` has it.
 
     The diagram draws when it is told to, see `SimulationOptions.frame_rate`. Times of
     the motion are counted from now. `frame_rate` is in pictures per simulated second,
@@ -62,11 +64,17 @@ def run_drawing(
     # The rate counts from now.
     simulation.simulator.ResetStatistics()
     simulation.simulator.set_target_realtime_rate(realtime_rate)
+    ends = duration is None
+    if duration is None:
+        duration = default_duration(motion)
     start, count = simulation.time, math.floor(duration * frame_rate + 1e-9)
     for picture in (*range(1, count + 1), None):
         passed = duration if picture is None else picture / frame_rate
-        player.play(max(start + passed - simulation.time, 0.0))
+        player.play(max(start + passed - simulation.time, 0.0), ends=ends)
         draw()
         if progress is not None:
             progress(simulation.time)
+        if ends and player.is_over:
+            break
+    player.give_up()
     simulation.simulator.set_target_realtime_rate(0.0)

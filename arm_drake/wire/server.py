@@ -31,6 +31,7 @@ from arm_drake.messages import (
 )
 from arm_drake.rollout.rollout import ClientInput
 from arm_drake.simulation.mailbox import GoalHandle, SimulationEvent
+from arm_drake.simulation.motion import TaskOutcome
 from arm_drake.simulation.recording import History
 from arm_drake.simulation.simulation import ResetRequested, Simulation
 from arm_drake.timing import cycle_at
@@ -468,6 +469,7 @@ class RosServer:
                 return
             text = f"a goal can't be cancelled: {event.reason}"
         else:
+            level = INFO if isinstance(event, TaskOutcome) else WARN
             text = self.simulation.mailbox.describe(event)
         self.graph.log(level, name, text, round(self.simulation.time * 1e9))
 

@@ -1,6 +1,7 @@
 """Environments: what Gymnasium asks of one, and what can be learnt in it."""
 
 import concurrent.futures
+import math
 import subprocess
 import sys
 import time
@@ -194,6 +195,47 @@ def test_what_can_not_be_is_refused(tmp_path: Any) -> None:
         ad.ReachTask(radius=0.0)
     with pytest.raises(InputError, match="region: expected least and largest"):
         ad.ReachTask(region=((1.0, 0.0, 0.0), (0.0, 1.0, 1.0)))
+
+
+@pytest.mark.parametrize(
+    ("evaluation", "message"),
+    [
+        ((math.nan, False, {}), "expected a finite number as reward, got nan"),
+        ((None, False, {}), "expected a finite number as reward, got None"),
+        (1.0, "expected an Evaluation(reward, is_terminated, info), got 1.0"),
+        ((1.0, False, None), "expected a mapping as info, got None"),
+    ],
+)
+def test_what_is_no_evaluation_is_refused(
+    tmp_path: Any, evaluation: Any, message: str
+) -> None:
+    class Odd(Swing):
+        def evaluate(self, environment: Any) -> Any:
+            return evaluation
+
+    kind = "position_controllers/JointGroupPositionController"
+    robot = swing(tmp_path, kind, "position").robot
+    environment = ad.make_env(robot, task=Odd())
+
+    with pytest.raises(InputError) as error:
+        environment.reset()
+
+    assert str(error.value) == f"Odd.evaluate: {message}"
+
+
+def test_arguments_of_other_types_are_named(tmp_path: Any) -> None:
+    kind = "position_controllers/JointGroupPositionController"
+    environment = swing(tmp_path, kind, "position")
+
+    with pytest.raises(InputError, match="no link 'nolink'; known"):
+        environment.link_pose("nolink")
+    for value in ("x", 0.0, math.nan, True):
+        with pytest.raises(InputError, match="period: expected a time"):
+            ad.make_env(environment.robot, period=value)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"task: expected a task, .* got 'reach'"):
+        ad.make_env(environment.robot, task="reach")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"make_env: no option 'perod'; .*'period'"):
+        ad.make_env("lab5_arm", perod=0.1)
 
 
 def test_goals_of_a_region_lie_in_it() -> None:

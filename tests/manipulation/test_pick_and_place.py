@@ -394,7 +394,7 @@ def test_the_tutorial_takes_the_box_from_the_table_into_the_bin() -> None:
     simulation = ad.Simulation(ad.build_diagram(robot, world="house_table"))
     before = pose_of(simulation, "box").translation()
 
-    simulation.run(18.0, load_motion("pick_and_place", robot=robot))
+    simulation.run(motion=load_motion("pick_and_place", robot=robot))
 
     assert before == pytest.approx([0.2, 0.05, 0.07])
     assert simulation.rejected == []
@@ -402,6 +402,13 @@ def test_the_tutorial_takes_the_box_from_the_table_into_the_bin() -> None:
     X = pose_of(simulation, "box")
     assert X.translation() == pytest.approx([0.05, -0.22, 0.036], abs=5e-3)
     assert np.abs(simulation.joint_states().position[:6]).max() < 0.02
+    picked, placed = simulation.tasks
+    assert picked.describe().startswith("pick box: held and lifted at the first grasp")
+    figures = placed.to_json()
+    assert figures["thing"] == "box"
+    assert figures["pose"][:3] == pytest.approx(X.translation(), abs=1e-3)
+    assert figures["position_error"] < 5e-3
+    assert placed.time + 1.0 < simulation.time < placed.time + 5.0
 
 
 @pytest.mark.slow
@@ -424,8 +431,13 @@ def test_a_step_that_can_not_be_done_is_told_with_its_place() -> None:
         [{"at": 0.0, "pick": "box"}, {"at": 0.0, "place": [0.0, 0.2, 0.0]}]
     )
 
-    simulation.run(0.5, motion)
+    simulation.run(motion=motion)
 
+    # Where all is refused at once, nothing is waited for.
+    assert simulation.time < 1.5
+    assert [outcome.reason for outcome in simulation.tasks] == [
+        event.reason for event in simulation.rejected
+    ]
     reasons = [event.reason for event in simulation.rejected]
     assert "the arm reaches none" in reasons[0]
     assert reasons[1] == "the gripper holds nothing"

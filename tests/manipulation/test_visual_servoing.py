@@ -13,6 +13,7 @@ from arm_drake.description.bundled import configs_folder
 from arm_drake.errors import InputError, MotionError
 from arm_drake.manipulation.visual_servoing import Feature, Servo, interaction_matrix
 from arm_drake.manipulation.visual_servoing import FollowOptions as Options
+from arm_drake.simulation.motion import TaskOutcome
 from arm_drake.simulation.motion_files import parse_motion
 from arm_drake.worlds.things import with_things
 from arm_drake.worlds.world import load_world
@@ -177,6 +178,20 @@ def test_an_arm_keeps_the_distance_too() -> None:
     assert abs(seen.y) < 3e-3
 
 
+def test_a_distance_that_is_not_held_is_said(head: ad.Robot) -> None:
+    # Its joints turn it about its own middle.
+    found = ad.follow(simulate(head, 0.0, 0.0), "ball", duration=0.3, distance=0.9)
+    near = ad.follow(simulate(head, 0.0, 0.0), "ball", duration=0.3, distance=AWAY)
+
+    assert not found
+    assert found.distances.shape == found.times.shape
+    # The nearest points of the ball are before its middle.
+    away = found.distances[-1]
+    assert AWAY - 0.03 < away < AWAY
+    assert found.reason == f"'ball' is {away:.3f} m away in the end, not 0.9 m"
+    assert near
+
+
 def test_a_motion_follows_and_says_what_it_lost(head: ad.Robot) -> None:
     motion = parse_motion([{"follow": {"thing": "ball", "duration": 0.2}}])
     simulation = simulate(head, 5.0, 0.0)
@@ -186,6 +201,32 @@ def test_a_motion_follows_and_says_what_it_lost(head: ad.Robot) -> None:
     ((rejected),) = simulation.rejected
     assert motion.duration == 0.2
     assert "'ball' isn't seen at all" in rejected.reason
+    (outcome,) = simulation.tasks
+    assert outcome.reason == rejected.reason
+    assert outcome.to_json()["success"] is False
+
+
+def test_a_motion_that_follows_says_how_well_and_ends_a_second_later(
+    head: ad.Robot,
+) -> None:
+    motion = parse_motion(
+        [{"follow": {"thing": "ball", "duration": 0.2}}, {"at": 0.3, "follow": "ball"}]
+    )
+    motion.steps[1].message.options["duration"] = 0.4
+    simulation = simulate(head, 0.0, 0.0)
+    news: list[object] = []
+    simulation.on_event(news.append)
+
+    simulation.run(motion=motion)
+
+    first, second = simulation.tasks
+    assert [first, second] == [e for e in news if isinstance(e, TaskOutcome)]
+    assert first.time == pytest.approx(0.2)
+    assert first.describe().startswith("follow ball: seen in the end, 0.")
+    found = second.to_json()
+    assert found["success"]
+    assert found["distance"] == pytest.approx(AWAY, abs=0.03)
+    assert second.time < simulation.time < second.time + 1.2
 
 
 @pytest.mark.parametrize(
@@ -194,6 +235,7 @@ def test_a_motion_follows_and_says_what_it_lost(head: ad.Robot) -> None:
         ({"thing": "bal"}, "no thing 'bal'; did you mean 'ball'?"),
         ({"camera": "ear"}, "no camera 'ear'; known: eye"),
         ({"duration": -1.0}, "duration: expected a number above 0, got -1.0"),
+        ({"velocity_scaling": 2}, "velocity_scaling: expected more than 0, at most 1"),
         ({"gain": 99.0}, "gain: expected at most 7.36 1/s, where camera and"),
         ({"gian": 1.0}, "follow: no option 'gian'; did you mean 'gain'?"),
         ({"robot": "tail"}, "robot: no robot 'tail'; known: head"),

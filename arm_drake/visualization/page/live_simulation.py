@@ -21,11 +21,7 @@ from arm_drake.simulation.motion import Motion
 from arm_drake.simulation.motion_files import MotionSource, find_motion
 from arm_drake.simulation.playback import Player
 from arm_drake.simulation.recording import History
-from arm_drake.simulation.simulation import (
-    TICK_TOLERANCE,
-    ResetRequested,
-    Simulation,
-)
+from arm_drake.simulation.simulation import TICK_TOLERANCE, ResetRequested, Simulation
 from arm_drake.visualization.page import (
     Button,
     Buttons,
@@ -154,6 +150,9 @@ class LiveSimulation:
     made its page. What it does between two clicks is bit for bit what `Simulation.run`
     does.
     """
+
+    # Whether `run` returns when the motion's tasks are done.
+    ends = False
 
     def __init__(
         self,
@@ -586,8 +585,10 @@ class LiveSimulation:
                 due.append(self._picture_at)
             due.append(self._repeat_at)
             due += [self.simulation.time + part.advance() for part in self.parts]
-            self._player.play(max(min(due) - self.simulation.time, 0.0))
+            self._player.play(min(due) - self.simulation.time, ends=self.ends)
             now = self.simulation.time
+            if self.ends and self._player.is_over:
+                target, self._end, self.ends = now, now, False
             if now >= self._repeat_at:
                 for remote in self.remotes:
                     remote.tick(now)
