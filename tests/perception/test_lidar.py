@@ -3,6 +3,7 @@
 import dataclasses as dc
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -132,6 +133,49 @@ def test_a_mesh_is_seen_where_its_triangles_are(kind: str, tmp_path: Path) -> No
     expected = look(load(box, kind=kind, scan=scan, more=more)).ranges()
     assert np.isfinite(expected[1:, 170:190]).any()
     np.testing.assert_allclose(ranges, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["gpu_lidar", "ray"])
+def test_meshes_that_were_written_here_need_no_library_to_be_read(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    creation.box((0.2, 4.0, 1.0)).export(tmp_path / "wall.stl")
+    mesh = f'<mesh filename="file://{tmp_path}/wall.stl"/>'
+    plugin = '<plugin name="eyes" filename="libgazebo_ros_ray_sensor.so"/>'
+    lidar = look(load(shape(mesh), kind=kind, more=plugin if kind == "ray" else ""))
+    monkeypatch.setattr(lidars, "read_surfaces", lambda *_: [])
+
+    assert lidar.ranges()[0, 180] == pytest.approx(1.9, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("radius", "most"), [(0.02, 1_100), (0.1, 6_000), (0.5, 30_000), (4.0, 51_000)]
+)
+def test_balls_have_triangles_as_their_size_needs(
+    radius: float, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[int] = []
+    make = lidars._make_tree
+
+    def count(place: int, triangles: np.ndarray, culled: np.ndarray) -> Any:
+        made.append(len(triangles))
+        return make(place, triangles, culled)
+
+    monkeypatch.setattr(lidars, "_make_tree", count)
+    limits = "<min>0.05</min><max>4</max>"
+    away = radius + 0.5
+    ball = shape(f'<sphere radius="{radius}"/>', xyz=f"{away} 0 0")
+    ranges = look(load(ball, limits=limits)).ranges()[0]
+
+    angles = np.linspace(-math.pi, math.pi, 361)
+    ahead = np.abs(np.sin(angles)) < 0.7 * radius / away
+    expected = _to_circle(angles, away, radius)
+    ahead &= np.isfinite(expected)
+    assert ahead.any()
+    # Where a ray is slanted it goes on by more than the faces are off.
+    largest = 1e-4 if radius <= 1.0 else 1e-3
+    np.testing.assert_allclose(ranges[ahead], expected[ahead], atol=3.0 * largest)
+    assert max(made) <= most
 
 
 def test_rings_that_look_down_see_the_ground() -> None:
