@@ -161,7 +161,7 @@ class CameraSensor(PerceptionSensor):
     near: float = 0.1
     far: float = 100.0
 
-    # Depths that it can tell [m]; nearer is -inf, farther +inf (REP 117).
+    # Depths that it can tell [m]; what is drawn nearer is -inf, farther +inf (REP 117).
     min_depth: float = 0.1
     max_depth: float = 100.0
 

@@ -220,7 +220,7 @@ class Scenery:
     ) -> Array:
         """Return depths [m], shape (height, width), float32.
 
-        What is nearer than the camera can tell is -inf, what is farther +inf (REP 117).
+        What is drawn nearer than the camera can tell is -inf, farther +inf (REP 117).
         """
         seen = self.look(query)
         picture = seen.RenderDepthImage(camera, _world(seen), X_WC)

@@ -448,7 +448,7 @@ def add_camera(
         width: Width of its pictures [pixels].
         height: Height of its pictures [pixels].
         horizontal_fov: Angle between their left and right edges [rad].
-        near: What is nearer isn't seen [m].
+        near: What is nearer isn't seen, but what is behind it [m].
         far: What is farther isn't seen [m].
         update_rate: Pictures per second [Hz].
         noise: Standard deviation of its colours, which go from 0 to 1; of a depth

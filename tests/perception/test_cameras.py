@@ -74,6 +74,25 @@ def test_depths_are_those_of_rays(simulation: ad.Simulation) -> None:
     assert np.isposinf(depth[0, 0])
 
 
+@pytest.mark.parametrize(
+    ("near", "told"),
+    [(0.9, 1.0), (1.05, -math.inf), (1.15, 1.2), (1.3, -math.inf), (1.4, math.inf)],
+)
+def test_a_layer_before_the_near_plane_is_too_near_and_what_is_nearer_is_not_there(
+    near: float, told: float
+) -> None:
+    # The box is from 1 to 1.2 m ahead; the layer is a tenth, as in Gazebo Sim.
+    simulation = ad.Simulation(ad.build_diagram(load(near=str(near))))
+    camera = simulation.camera("front")
+
+    assert camera.depth()[120, 160] == pytest.approx(told, abs=1e-3)
+    image = to_array(simulation.topic("/cam/depth_image").value())
+    assert image[120, 160] == camera.depth()[120, 160]
+    seen = camera.points("optical")
+    is_ahead = np.abs(seen[:, :2]).max(axis=1) < 0.05
+    assert is_ahead.any() == math.isfinite(told)
+
+
 def test_who_draws_on_a_picture_has_one_of_his_own(simulation: ad.Simulation) -> None:
     camera = simulation.camera("front")
     for take in (camera.color, camera.depth):

@@ -286,6 +286,24 @@ def test_what_is_out_of_range_is_not_seen() -> None:
     assert np.isposinf(look(inside).ranges()).all()
 
 
+@pytest.mark.parametrize("kind", ["gpu_lidar", "ray"])
+def test_what_is_behind_something_too_near_is_seen(kind: str) -> None:
+    plugin = '<plugin name="eyes" filename="libgazebo_ros_ray_sensor.so"/>'
+    plate = shape('<box size="0.01 0.2 0.2"/>', xyz="0.2 0 0")
+    robot = load(
+        plate + shape('<sphere radius="0.5"/>'),
+        kind=kind,
+        more=plugin if kind == "ray" else "",
+        limits="<min>0.3</min><max>9</max>",
+    )
+
+    ranges = look(robot).ranges()[0]
+
+    assert ranges[180] == pytest.approx(1.5, abs=1e-4)
+    # Beside the ball, 20 degrees to the left, there is the plate alone.
+    assert np.isposinf(ranges[200])
+
+
 def test_noise_is_the_same_with_the_same_seed() -> None:
     noise = "<noise><type>gaussian</type><mean>0.02</mean><stddev>0.01</stddev></noise>"
     box = shape('<box size="0.2 40 4"/>')
