@@ -18,6 +18,7 @@ import trimesh
 from pydrake.systems.framework import CacheIndex
 
 import arm_drake as ad
+from arm_drake.description.perception_sensors import CameraSensor
 from arm_drake.errors import InputError
 from arm_drake.perception import scenery as scenery_module
 from arm_drake.perception.cameras import Camera
@@ -308,6 +309,9 @@ def test_noise_is_that_of_its_seed() -> None:
     [
         ({"fov": "0"}, "horizontal_fov: expected more than 0 and less than pi"),
         ({"fov": "3.2"}, "horizontal_fov: expected more than 0 and less than pi"),
+        ({"fov": "nan"}, "horizontal_fov: expected more than 0 and less than pi"),
+        ({"fov": "inf"}, "horizontal_fov: expected more than 0 and less than pi"),
+        ({"width": "nan"}, "image width: expected 1 to 8192 pixels, got nan"),
         ({"width": "0"}, "image width: expected 1 to 8192 pixels, got 0"),
         ({"width": "9000"}, "image width: expected 1 to 8192 pixels, got 9000"),
         ({"near": "10"}, "clip: expected 0 < near < far, got 10 and 10 m"),
@@ -319,6 +323,62 @@ def test_what_is_no_camera_is_told(numbers: dict[str, str], told: str) -> None:
 
     assert not robot.description.perception_sensors
     assert [e for e in robot.report.errors if e.what.startswith(told)]
+
+
+@pytest.mark.parametrize(
+    ("argument", "value", "told"),
+    [
+        ("robot", "r", "robot: expected a robot of arm_drake.load_robot, got 'r'"),
+        ("link", None, "link: expected a text, got None"),
+        ("name", 3, "name: expected a text, got 3"),
+        ("kind", 3, "kind: expected a text, got 3"),
+        ("width", "x", "camera 'c': width: expected a number, got 'x'"),
+        ("width", True, "camera 'c': width: expected a number, got True"),
+        ("width", 0, "camera 'c': image width: expected 1 to 8192 pixels, got 0"),
+        ("height", 0, "camera 'c': image height: expected 1 to 8192 pixels, got 0"),
+        (
+            "horizontal_fov",
+            "x",
+            "camera 'c': horizontal_fov: expected a number, got 'x'",
+        ),
+        (
+            "horizontal_fov",
+            math.nan,
+            "camera 'c': horizontal_fov: expected more than 0 and less than pi, "
+            "got nan rad",
+        ),
+        ("near", None, "camera 'c': near: expected a number, got None"),
+        ("noise", "x", "camera 'c': noise: expected a number, got 'x'"),
+        ("update_rate", "x", "camera 'c': update_rate: expected a number, got 'x'"),
+        *(
+            (
+                "update_rate",
+                rate,
+                f"camera 'c': update_rate: expected a finite number above 0 Hz, "
+                f"got {rate:g}",
+            )
+            for rate in (math.inf, math.nan, -1.0, 0)
+        ),
+    ],
+)
+def test_what_add_camera_cannot_use_is_told_in_one_message(
+    argument: str, value: Any, told: str
+) -> None:
+    arguments = {"robot": load(), "link": "eye", "name": "c", argument: value}
+    with pytest.raises(InputError) as error:
+        ad.add_camera(**arguments)
+
+    assert str(error.value) == told
+
+
+def test_a_size_may_be_a_number_of_numpy() -> None:
+    robot = ad.add_camera(load(), "eye", name="c", width=np.int64(32), height=24.0)  # type: ignore[arg-type]
+
+    sensor = robot.description.perception_sensors[-1]
+
+    assert isinstance(sensor, CameraSensor)
+    assert (type(sensor.width), type(sensor.height)) == (int, int)
+    assert ad.Simulation(ad.build_diagram(robot)).camera("c").color().shape[1] == 32
 
 
 def test_a_camera_needs_a_link() -> None:

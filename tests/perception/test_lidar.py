@@ -400,9 +400,11 @@ def test_wrong_names_are_told() -> None:
         (both.camera, "front"),
         (both.lidar, "cam"),
         (alone.camera, "rear"),
+        (alone.camera, 3),
+        (both.camera, None),
     ):
         with pytest.raises(InputError) as error:
-            find(name)
+            find(name)  # type: ignore[arg-type]
         found.append(str(error.value))
 
     none = "the robots have no camera; arm_drake.add_camera adds one"
@@ -412,6 +414,9 @@ def test_wrong_names_are_told() -> None:
         f"{lidar}known: cam",
         "'cam' is a camera, no lidar; known: front",
         f"no camera 'rear'; {none}",
+        "expected the name of a camera, got 3; the robots have none; "
+        "arm_drake.add_camera adds one",
+        "expected the name of a camera, got None; known: cam",
     ]
 
 
