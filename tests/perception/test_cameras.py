@@ -2,12 +2,14 @@
 
 import concurrent.futures
 import dataclasses as dc
+import gc
 import io
 import itertools
 import math
 import os
 import subprocess
 import sys
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -223,6 +225,23 @@ def test_steps_tell_cameras_little() -> None:
 
 def _num_entries(camera: Camera) -> int:
     return camera._measured + 1 + camera.num_output_ports()
+
+
+def test_a_simulation_that_is_gone_goes_with_the_first_picture_of_the_next() -> None:
+    gc.disable()
+    try:
+        first = ad.Simulation(ad.build_diagram(load()))
+        first.camera("front").color()
+        gone = weakref.ref(first.diagram)
+        del first
+
+        second = ad.Simulation(ad.build_diagram(load()))
+        second.camera("front").color()
+
+        assert gone() is None
+        assert second.camera("front").depth().shape == (240, 320)
+    finally:
+        gc.enable()
 
 
 def test_what_is_read_is_of_its_time_and_poses() -> None:
