@@ -96,6 +96,32 @@ def test_a_layer_before_the_near_plane_is_too_near_and_what_is_nearer_is_not_the
     assert is_ahead.any() == math.isfinite(told)
 
 
+@pytest.mark.parametrize(
+    ("near", "least", "told"),
+    [
+        (0.9, 0.95, 1.0),
+        (0.9, 1.1, -math.inf),
+        (1.05, 1.1, 1.2),
+        (1.05, 1.25, -math.inf),
+    ],
+)
+def test_with_classics_plugin_what_is_nearer_than_its_least_depth_is_too_near(
+    near: float, least: float, told: float
+) -> None:
+    plugin = (
+        '<plugin name="eyes" filename="libgazebo_ros_camera.so">'
+        f"<min_depth>{least}</min_depth></plugin></sensor>"
+    )
+    text = _URDF.format(**{**_NUMBERS, "near": str(near)})
+    text = text.replace("rgbd_camera", "depth").replace("</sensor>", plugin)
+    simulation = ad.Simulation(ad.build_diagram(ad.load_robot(text)))
+
+    depth = simulation.camera("front").depth()[120, 160]
+
+    # The box is from 1 to 1.2 m ahead; before the near plane it isn't drawn at all.
+    assert depth == pytest.approx(told, abs=1e-3)
+
+
 def test_who_draws_on_a_picture_has_one_of_his_own(simulation: ad.Simulation) -> None:
     camera = simulation.camera("front")
     for take in (camera.color, camera.depth):
