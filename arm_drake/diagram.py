@@ -615,6 +615,7 @@ def _add_perception(
             scenery,
             prefix,
             part.report,
+            plant.time_step(),
             logged,
             setting.options.log_image_format,
         )

@@ -16,7 +16,12 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final, Literal
 
-from arm_drake.description.elements import ElementReader, attribute, text_of
+from arm_drake.description.elements import (
+    ElementReader,
+    attribute,
+    parse_float,
+    text_of,
+)
 from arm_drake.description.gazebo import (
     GazeboPlugin,
     Pose,
@@ -56,8 +61,6 @@ OUTPUT_TYPES: Final = (
     "sensor_msgs/Range",
 )
 
-_RADIATIONS: Final = ("infrared", "ultrasound")
-
 # The sensors of a RealSense by the ends of their names, after the plugin's <prefix>,
 # and what its tags about each begin with.
 _REALSENSE: Final[Mapping[str, str]] = {
@@ -89,8 +92,6 @@ _MOST_RAYS: Final = 10_000_000
 
 # Sensors that say 0 tell something at every step of Gazebo; here they do at this [Hz].
 USUAL_RATE: Final = 30.0
-
-_LEFT_OUT: Final = "the sensor is left out"
 
 
 @dc.dataclass(frozen=True)
@@ -161,7 +162,7 @@ class CameraSensor(PerceptionSensor):
     near: float = 0.1
     far: float = 100.0
 
-    # Depths that it can tell [m]; nearer is -inf, farther +inf (REP 117).
+    # Depths that it can tell [m]; what is drawn nearer is -inf, farther +inf (REP 117).
     min_depth: float = 0.1
     max_depth: float = 100.0
 
@@ -289,6 +290,9 @@ def read_perception_sensors(
                 free, number = sensor.name, 2
                 while free in found:
                     free, number = f"{sensor.name}_{number}", number + 1
+                if free != sensor.name:
+                    what = f"another sensor is called {sensor.name!r}"
+                    reader.note("info", "repair", what, f"this one is {free!r}")
                 found[free] = dc.replace(sensor, name=free)
     return tuple(found.values())
 
@@ -323,7 +327,7 @@ class _SensorReader(ElementReader):
         self, what: str, kind: Literal["missing", "invalid"] = "invalid"
     ) -> None:
         """Report why there is no such sensor."""
-        self.note("error", kind, what, _LEFT_OUT)
+        self.note("error", kind, what, "the sensor is left out")
 
     def read_common(
         self,
@@ -339,10 +343,7 @@ class _SensorReader(ElementReader):
                 what = f"plugin {other.filename or other.name!r}"
                 self.note("info", "ignored", what, "it has no effect")
         rate = self.value(element, "update_rate", 0.0, least=0.0)
-        frame = next(
-            filter(None, (text_of(element, t) for t in _FRAME_TAGS)),
-            "",
-        )
+        frame = next(filter(None, (text_of(element, t) for t in _FRAME_TAGS)), "")
         name = attribute(element, "name")
         if plugin is not None:
             tag = "frame_name"
@@ -388,25 +389,24 @@ class _SensorReader(ElementReader):
         *,
         least: float = -math.inf,
     ) -> float:
-        """Return the number in a child, the default if it gives none."""
+        """Return the finite number in a child, the default if it gives none."""
         found = None if element is None else element.find(path)
         if found is None:
             return default
-        number = self.number(text_of(found), path)
+        number = self.finite(text_of(found), path)
         if number is not None and number < least:
             self.expected(path, f"at least {least:g}", text_of(found))
             number = None
         return default if number is None else number
 
+    def raw(self, element: ET.Element | None, path: str, default: float) -> float:
+        """Return the number in a child, which may be infinite or NaN."""
+        number = parse_float(text_of(element, path))
+        return self.value(element, path, default) if number is None else number
+
     def _noise(self, element: ET.Element) -> Noise:
-        noise = next(
-            (
-                e
-                for p in ("camera", "lidar", "ray")
-                if (e := element.find(f"{p}/noise")) is not None
-            ),
-            None,
-        )
+        tags = [element.find(f"{top}/noise") for top in ("camera", "lidar", "ray")]
+        noise = next((tag for tag in tags if tag is not None), None)
         if noise is None:
             return Noise()
         kind = attribute(noise, "type") or text_of(noise, "type") or "none"
@@ -449,12 +449,12 @@ class _SensorReader(ElementReader):
         """Return one camera, or None and a line in the report."""
         encoding = self._encoding(tag, kind)
         size = [
-            self.value(tag, f"image/{name}", default)
+            self.raw(tag, f"image/{name}", default)
             for name, default in (("width", 320), ("height", 240))
         ]
-        near = self.value(tag, "clip/near", 0.1)
-        far = self.value(tag, "clip/far", 100.0)
-        fov = self.value(tag, "horizontal_fov", 1.047)
+        near = self.raw(tag, "clip/near", 0.1)
+        far = self.raw(tag, "clip/far", 100.0)
+        fov = self.raw(tag, "horizontal_fov", 1.047)
         problem = find_camera_problem(fov, size, near, far)
         if encoding is None or problem:
             if problem:
@@ -572,10 +572,6 @@ class _SensorReader(ElementReader):
         k1, k2, p1, p2, k3 = (
             self.value(found, name, 0.0) for name in ("k1", "k2", "p1", "p2", "k3")
         )
-        if not math.isfinite(k1 + k2 + p1 + p2 + k3):
-            got = ", ".join(map(str, (k1, k2, k3, p1, p2)))
-            self.expected("distortion", "finite numbers", got)
-            k1 = k2 = p1 = p2 = k3 = 0.0
         center = (0.5, 0.5)
         text = text_of(found, "center") if found is not None else ""
         if text:
@@ -605,7 +601,7 @@ class _SensorReader(ElementReader):
         names = ("fx", "fy", "cx", "cy")
         fx, fy, cx, cy = (self.value(found, name, math.nan) for name in names)
         is_inside = -0.5 < cx < width - 0.5 and -0.5 < cy < height - 0.5
-        if not (0.0 < fx < math.inf and 0.0 < fy < math.inf and is_inside):
+        if not (fx > 0.0 and fy > 0.0 and is_inside):
             got = ", ".join(f"{n} {text_of(found, n) or 'nothing'}" for n in names)
             expected = "fx and fy more than 0, and cx and cy inside the picture"
             self.expected("lens intrinsics", expected, got)
@@ -633,8 +629,8 @@ class _SensorReader(ElementReader):
             return
         horizontal = self._axis(tag, "horizontal", 640)
         vertical = self._axis(tag, "vertical", 1)
-        low = self.value(tag, "range/min", 0.0)
-        high = self.value(tag, "range/max", math.inf)
+        low = self.raw(tag, "range/min", 0.0)
+        high = self.raw(tag, "range/max", math.inf)
         if horizontal is None or vertical is None:
             return
         rays = horizontal.count * vertical.count
@@ -659,7 +655,9 @@ class _SensorReader(ElementReader):
                 sees_collisions=plugin is not None
                 and attribute(element, "type") == "ray",
                 output_type=self._choice(plugin, "output_type", OUTPUT_TYPES),
-                radiation=self._choice(plugin, "radiation_type", _RADIATIONS),
+                radiation=self._choice(
+                    plugin, "radiation_type", ("infrared", "ultrasound")
+                ),
             )
 
     def _choice(
@@ -673,15 +671,18 @@ class _SensorReader(ElementReader):
 
     def _axis(self, tag: ET.Element, name: str, default: int) -> ScanAxis | None:
         found = tag.find(f"scan/{name}")
-        samples = self.value(found, "samples", default)
-        low = self.value(found, "min_angle", 0.0)
-        high = self.value(found, "max_angle", 0.0)
+        samples = self.raw(found, "samples", default)
+        low = self.raw(found, "min_angle", 0.0)
+        high = self.raw(found, "max_angle", 0.0)
         if not 1.0 <= samples <= _MOST_RAYS:
             self.refuse(f"{name} samples: expected 1 to {_MOST_RAYS}, got {samples:g}")
         elif not low <= high or math.isinf(high - low):
             expected = "expected min_angle <= max_angle"
             self.refuse(f"{name}: {expected}, got {low:g} and {high:g} rad")
         else:
+            if samples != int(samples):
+                what = f"{name} samples: expected an integer, got {samples:g}"
+                self.note("warning", "invalid", what, f"there are {int(samples)}")
             resolution = self.value(found, "resolution", 1.0, least=0.0)
             return ScanAxis(int(samples), resolution, low, high)
         return None

@@ -134,6 +134,8 @@ def find_box(
         InputError: If an argument is none of these.
     """
     settings = _check(up, noise, gap, largest, least)
+    if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or seed < 0:
+        raise InputError(f"seed: expected an integer of at least 0, got {seed!r}")
     near = None if near is None else _vector(near, "near")
     size = None if size is None else _vector(size, "size")
     cloud = _check_points(points, region)

@@ -5,9 +5,13 @@ can't be told), REP 118 (depth images). Topics and frames are those of the gener
 Gazebo that a tag is for; see `arm_drake.description.perception_sensors`.
 
 A pinhole's picture is drawn, larger where the lens sees more, and the lens bends it.
+What is nearer than a camera's near plane isn't drawn, what is behind it is; of depths a
+layer before that plane reads as too near.
+
 Sources: Brown, "Decentering distortion of lenses", 1966, with terms and their order as
 in `sensor_msgs/CameraInfo`, "plumb_bob"; gz-rendering, src/ogre2/
-Ogre2DistortionPass.cc; unlike there no border is cropped, for CameraInfo couldn't tell.
+Ogre2DistortionPass.cc; unlike there no border is cropped, for CameraInfo couldn't tell;
+Ogre2DepthCamera.cc for the near plane.
 """
 
 import math
@@ -59,6 +63,10 @@ R_SENSOR_OPTICAL: Final = RotationMatrix(
 # Steps of Newton's method, and the error that is left at most, at a depth of 1.
 _STEPS: Final = 20
 _EXACT: Final = 1e-6
+
+# What is nearer than a camera can tell is drawn from this part of its near plane on, as
+# Gazebo Sim has it.
+_NEARER: Final = 0.9
 
 # Neighbours whose depths differ by a larger part are of two things.
 _EDGE: Final = 0.02
@@ -395,8 +403,8 @@ class Camera(SensorSystem):
         """What bends its pictures, and where its pixels look."""
         return Lens(self.sensor)
 
-    @cached_property
-    def _core(self) -> RenderCameraCore:
+    def _core(self, nearer: float = 1.0) -> RenderCameraCore:
+        """Return how it is drawn, from a part of its near plane on."""
         from pydrake.systems import sensors
 
         sensor, lens = self.sensor, self.lens
@@ -410,11 +418,11 @@ class Camera(SensorSystem):
             center_x=cx + 0.5,
             center_y=cy + 0.5,
         )
-        clipping = ClippingRange(sensor.near, sensor.far)
+        clipping = ClippingRange(nearer * sensor.near, sensor.far)
         return RenderCameraCore(RENDERER, intrinsics, clipping, RigidTransform())
 
     def _take_color(self, context: Context) -> Array:
-        camera = ColorRenderCamera(self._core, show_window=False)
+        camera = ColorRenderCamera(self._core(), show_window=False)
         query = self._query.Eval(context)
         picture = self.scenery.color(query, camera, self.pose(context))
         picture = self.lens.bend_colors(picture)
@@ -428,7 +436,8 @@ class Camera(SensorSystem):
     def _take_depth(self, context: Context) -> Array:
         sensor = self.sensor
         depths = DepthRange(sensor.min_depth, sensor.max_depth)
-        camera = DepthRenderCamera(self._core, depths)
+        nearer = _NEARER if sensor.plugin is None else 1.0
+        camera = DepthRenderCamera(self._core(nearer), depths)
         query = self._query.Eval(context)
         picture = self.scenery.depth(query, camera, self.pose(context))
         picture = self.lens.bend_depths(picture)
@@ -439,7 +448,7 @@ class Camera(SensorSystem):
         return picture.astype(np.float32, copy=False)
 
     def _take_labels(self, context: Context) -> Array:
-        camera = ColorRenderCamera(self._core, show_window=False)
+        camera = ColorRenderCamera(self._core(), show_window=False)
         query = self._query.Eval(context)
         labels = self.scenery.labels(query, camera, self.pose(context))
         return self.lens.bend_labels(labels)
@@ -525,8 +534,9 @@ class CameraHandle(SensorHandle):
     def depth(self) -> NDArray[np.float32]:
         """Return depths along the axis [m], shape (height, width).
 
-        What is nearer than the camera can tell is -inf, what is farther +inf; where its
-        lens shows nothing it is NaN.
+        What is farther than the camera can tell is +inf, and a layer before its near
+        plane -inf; what is nearer still isn't drawn. Where its lens shows nothing it is
+        NaN.
 
         Raises:
             InputError: If the camera measures none.

@@ -11,6 +11,7 @@ gazebo_ros_ray_sensor.cpp; ros_gz_bridge, src/convert/sensor_msgs.cpp; REP 117.
 
 import importlib.util
 import itertools
+import math
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -25,6 +26,7 @@ from pydrake.geometry import (
     QueryObject,
     Role,
     SceneGraphInspector,
+    Shape,
 )
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
@@ -32,6 +34,7 @@ from pydrake.systems.framework import Context
 from arm_drake.arrays import Array
 from arm_drake.controllers.gazebo.plugin import as_topic
 from arm_drake.description.meshes.reading import read_bytes, read_surfaces
+from arm_drake.description.meshes.surfaces import decode_gltf, decode_surface
 from arm_drake.description.perception_sensors import (
     OUTPUT_TYPES,
     LidarSensor,
@@ -57,8 +60,13 @@ from arm_drake.perception.sensors import (
     find_classic_topics,
 )
 
-# Sides of what stands for a circle: of a radius of 1 m it is 0.1 mm off at most.
-_SIDES: Final = 224
+# By how much what stands for a circle is off at most [m], and its sides at most: from a
+# radius of 1 m on.
+_OFF: Final = 1e-4
+_FEWEST_SIDES, _MOST_SIDES = 16, 224
+
+# What reads the meshes that were written here, by the ends of their names.
+_DECODERS: Final = {".gltf": decode_gltf, ".obj": decode_surface}
 
 # What Classic's plugin tells, by the class of its messages.
 _CLASSIC_OUTPUTS: Final[Mapping[str, str]] = dict(
@@ -312,16 +320,28 @@ def _triangles(inspector: SceneGraphInspector, geometry: GeometryId) -> Array:
     elif isinstance(shape, Mesh):
         triangles = _read_mesh(shape)
     else:
-        surface = make_surface(shape, _SIDES)
+        surface = make_surface(shape, _count_sides(shape))
         triangles = surface.vertices[surface.faces]
     placed = triangles @ X_FG.rotation().matrix().T + X_FG.translation()
     return np.asarray(placed)
 
 
+def _count_sides(shape: Shape) -> int:
+    """Return the sides of what stands for a circle of a shape."""
+    lengths = [getattr(shape, name, float) for name in ("radius", "a", "b", "c")]
+    radius = max(length() for length in lengths)
+    sides = math.pi / math.acos(1.0 - _OFF / max(radius, 2.0 * _OFF))
+    return min(max(4 * math.ceil(sides / 4.0), _FEWEST_SIDES), _MOST_SIDES)
+
+
 def _read_mesh(shape: Mesh) -> Array:
     """Return the triangles of a mesh's file."""
     path, scale = Path(str(shape.source().path())), tuple(shape.scale3())
-    surfaces = read_surfaces(path, read_bytes(path), scale, [])
+    content, surfaces = read_bytes(path), []
+    if scale == (1.0, 1.0, 1.0) and path.suffix in _DECODERS:
+        surfaces = _DECODERS[path.suffix](content)
+    # What reads the meshes of others takes a second to be imported.
+    surfaces = surfaces or read_surfaces(path, content, scale, [])
     found = [surface.vertices[surface.faces] for surface in surfaces]
     return np.concatenate([np.zeros((0, 3, 3)), *found])
 

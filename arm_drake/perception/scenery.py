@@ -8,9 +8,11 @@ what was loaded. A picture depends on the poses of that moment alone.
 import ctypes
 import dataclasses as dc
 import functools
+import gc
 import itertools
 import math
 import sys
+import weakref
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -220,7 +222,7 @@ class Scenery:
     ) -> Array:
         """Return depths [m], shape (height, width), float32.
 
-        What is nearer than the camera can tell is -inf, what is farther +inf (REP 117).
+        What is drawn nearer than the camera can tell is -inf, farther +inf (REP 117).
         """
         seen = self.look(query)
         picture = seen.RenderDepthImage(camera, _world(seen), X_WC)
@@ -248,6 +250,7 @@ class Scenery:
         if is_labelled in self._loaded:
             return self._loaded[is_labelled]
         require_renderer()
+        _forget_others(self)
         scene_graph = SceneGraph()
         scene_graph.AddRenderer(RENDERER, MakeRenderEngineVtk(self._parameters()))
         source = scene_graph.RegisterSource("seen")
@@ -308,6 +311,21 @@ class Scenery:
             # Else its materials would depend on whether a mesh has physical ones.
             force_to_pbr=True,
         )
+
+
+# Those of which pictures were taken.
+_looked_at: "weakref.WeakSet[Scenery]" = weakref.WeakSet()
+
+
+def _forget_others(scenery: Scenery) -> None:
+    """Let go what was seen of simulations that nobody has any more.
+
+    A diagram of Python's systems is a circle of references. Python looks for these as
+    its objects grow in number, and a renderer is few objects, but 100 MB.
+    """
+    if any(other is not scenery for other in _looked_at):
+        gc.collect()
+    _looked_at.add(scenery)
 
 
 def _to_linear(color: Rgba) -> Rgba:

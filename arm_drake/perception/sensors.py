@@ -23,7 +23,8 @@ from pydrake.systems.framework import (
     ValueProducer,
 )
 
-from arm_drake.controllers.gazebo.plugin import ros_topic
+from arm_drake.arrays import is_number
+from arm_drake.controllers.gazebo.plugin import as_topic, ros_topic
 from arm_drake.description.gazebo import GazeboPlugin
 from arm_drake.description.perception_sensors import (
     CameraKind,
@@ -42,6 +43,9 @@ from arm_drake.perception.images import compress
 from arm_drake.perception.scenery import Scenery
 from arm_drake.plant.plant import transform_of
 from arm_drake.python_system import PythonSystem
+
+# What a rate may be off by rounding, as a part of it.
+_ROUNDED: Final = 1e-9
 
 
 class Place(NamedTuple):
@@ -226,6 +230,10 @@ def find_sensor(
     `none` is what to do where there is none.
     """
     found = {key: each for key, each in sensors.items() if isinstance(each, kind)}
+    if not isinstance(name, str):
+        known = f"known: {', '.join(found)}" if found else f"the robots have none{none}"
+        word = kind.__name__.lower()
+        raise InputError(f"expected the name of a {word}, got {name!r}; {known}")
     if name not in found:
         word = kind.__name__.lower()
         problem = f"no {word} {name!r}"
@@ -364,6 +372,7 @@ def add_sensors(
     scenery: Scenery,
     prefix: str,
     report: LoadReport,
+    time_step: float,
     logged: Sequence[str] = (),
     image_format: str = "raw",
 ) -> tuple[LeafSystem, ...]:
@@ -371,7 +380,8 @@ def add_sensors(
 
     They compute nothing that nobody reads; the log of those whose names, with the
     prefix, are in `logged` reads them, and has their pictures in a format, as
-    `SimulationOptions.log_image_format`.
+    `SimulationOptions.log_image_format`. Nothing is told more often than the physics
+    steps.
     """
     systems: list[LeafSystem] = []
     publishers = dict(place.taken)
@@ -379,6 +389,7 @@ def add_sensors(
     for sensor in robot.description.perception_sensors:
         if type(sensor) not in SENSORS:
             continue
+        sensor = _restrain(sensor, time_step, report)
         module, _, name = SENSORS[type(sensor)].partition(":")
         make: Any = getattr(importlib.import_module(module), name)
         system = make(sensor, place._replace(taken=publishers), scenery)
@@ -400,6 +411,25 @@ def add_sensors(
             for topic in log.topics:
                 builder.Connect(system.GetOutputPort(topic), log.GetInputPort(topic))
     return tuple(systems)
+
+
+def _restrain(
+    sensor: PerceptionSensor, time_step: float, report: LoadReport
+) -> PerceptionSensor:
+    """Return a sensor as it can be in the diagram, and report what it can't."""
+    where, most = f"sensor {sensor.name!r}", 1.0 / time_step
+    topic = as_topic(sensor.topic).strip("/")
+    if sensor.plugin is None and topic != sensor.topic.strip("/"):
+        what = f"topic {sensor.topic!r}: expected one without spaces, @, ~, // and :="
+        done = f"it is {topic!r}" if topic else "it is the usual one"
+        report.add("warning", "invalid", what, done, where=where)
+        sensor = dc.replace(sensor, topic=topic)
+    if sensor.update_rate <= most * (1.0 + _ROUNDED):
+        return sensor
+    what = f"update_rate {sensor.update_rate:g} Hz, more often than the physics steps"
+    done = f"it is {most:g} Hz, once in each step"
+    report.add("warning", "unsupported", what, done, where=where)
+    return dc.replace(sensor, update_rate=most)
 
 
 def check_logged(names: Sequence[str], robots: Mapping[str, Robot]) -> None:
@@ -448,14 +478,15 @@ def add_camera(
         width: Width of its pictures [pixels].
         height: Height of its pictures [pixels].
         horizontal_fov: Angle between their left and right edges [rad].
-        near: What is nearer isn't seen [m].
+        near: What is nearer isn't seen, but what is behind it [m].
         far: What is farther isn't seen [m].
         update_rate: Pictures per second [Hz].
         noise: Standard deviation of its colours, which go from 0 to 1; of a depth
             camera that of its depths [m].
 
     Raises:
-        InputError: If there is no such link, the name is taken, or a number is wrong.
+        InputError: If there is no such link, the name is taken, or an argument is
+            wrong.
     """
     X_LS = _check_camera(robot, link, pose, name, kind)
     end = {"color": "/image", "depth": "/depth_image"}.get(kind, "")
@@ -475,8 +506,7 @@ def add_camera(
         min_depth=near,
         max_depth=far,
     )
-    _check_numbers(camera)
-    return _with_sensor(robot, camera)
+    return _with_sensor(robot, _checked(camera))
 
 
 def _with_sensor(robot: Robot, sensor: PerceptionSensor) -> Robot:
@@ -485,22 +515,37 @@ def _with_sensor(robot: Robot, sensor: PerceptionSensor) -> Robot:
     return dc.replace(robot, description=description)
 
 
-def _check_numbers(camera: CameraSensor) -> None:
-    """Raise InputError if a number of a camera is wrong."""
+def _checked(camera: CameraSensor) -> CameraSensor:
+    """Return a camera, or raise InputError if a number is wrong, or is none."""
+    where = f"camera {camera.name!r}"
+    names = ("width", "height", "horizontal_fov", "near", "far", "update_rate")
+    numbers = {name: getattr(camera, name) for name in names}
+    for name, value in (numbers | {"noise": camera.noise.stddev}).items():
+        if not is_number(value):
+            raise InputError(f"{name}: expected a number, got {value!r}", where=where)
     size = (camera.width, camera.height)
     problem = find_camera_problem(camera.horizontal_fov, size, camera.near, camera.far)
     if not 0.0 < camera.update_rate < math.inf:
-        problem = f"update_rate: expected more than 0 Hz, got {camera.update_rate:g}"
+        rate = f"{camera.update_rate:g}"
+        problem = f"update_rate: expected a finite number above 0 Hz, got {rate}"
     if not 0.0 <= camera.noise.stddev < math.inf:
-        problem = f"noise: expected at least 0, got {camera.noise.stddev:g}"
+        noise = f"{camera.noise.stddev:g}"
+        problem = f"noise: expected a finite number of at least 0, got {noise}"
     if problem:
-        raise InputError(problem, where=f"camera {camera.name!r}")
+        raise InputError(problem, where=where)
+    return dc.replace(camera, width=int(camera.width), height=int(camera.height))
 
 
 def _check_camera(
     robot: Robot, link: str, pose: Sequence[float], name: str, kind: str
 ) -> Pose:
     """Return a camera's pose, or raise InputError."""
+    if not isinstance(robot, Robot):
+        expected = "expected a robot of arm_drake.load_robot"
+        raise InputError(f"robot: {expected}, got {robot!r}")
+    for what, text in (("link", link), ("name", name), ("kind", kind)):
+        if not isinstance(text, str):
+            raise InputError(f"{what}: expected a text, got {text!r}")
     where = f"camera {name!r}"
     description = robot.description
     known = [*description.links, "world"]
@@ -510,7 +555,7 @@ def _check_camera(
         problem = "a sensor is called so already" if name else "expected a name"
         raise InputError(problem, where=where)
     if kind not in (kinds := get_args(CameraKind)):
-        raise InputError(f"kind {kind!r}; {suggest(str(kind), kinds)}", where=where)
+        raise InputError(f"kind {kind!r}; {suggest(kind, kinds)}", where=where)
     try:
         numbers = [] if isinstance(pose, str) else [float(number) for number in pose]
     except (TypeError, ValueError, OverflowError):

@@ -8,12 +8,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
-import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram
 
+from arm_drake.arrays import is_number
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.errors import ArmDrakeError, InputError, OutputError, SimulationError
@@ -105,7 +105,7 @@ class Recorder:
         history: float = math.inf,
     ) -> None:
         """Start to record; `Simulation.record_to` does that."""
-        if not history > 0.0:
+        if not is_number(history) or not history > 0.0:
             raise InputError(f"history must be positive, got {history!r}")
         self.path = path
         self._simulation = simulation
@@ -636,8 +636,7 @@ class Simulation:
         ends = duration is None
         if duration is None:
             duration = default_duration(motion)
-        is_number = isinstance(duration, int | float | np.number)
-        if not (is_number and math.isfinite(duration) and duration >= 0.0):
+        if not (is_number(duration) and math.isfinite(duration) and duration >= 0.0):
             raise ValueError(f"duration must be at least 0 s, got {duration!r}")
         player = Player(self, motion, TICK_TOLERANCE * self.period)
         # The rate counts from now.

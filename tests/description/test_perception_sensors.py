@@ -80,6 +80,11 @@ def lidar(**numbers: str) -> str:
         ),
         (
             "gpu_lidar",
+            lidar(samples="nan"),
+            "horizontal samples: expected 1 to 10000000, got nan",
+        ),
+        (
+            "gpu_lidar",
             lidar(low="2"),
             "horizontal: expected min_angle <= max_angle, got 2 and 1 rad",
         ),
@@ -120,10 +125,16 @@ def test_a_sensor_of_no_link_is_an_error() -> None:
          "noise type: expected gaussian, gaussian_quantized or none, got 'salt'"),
         ("camera", "<update_rate>-1</update_rate>" + _CAMERA.format(""),
          "update_rate: expected at least 0, got '-1'"),
+        ("camera", "<update_rate>inf</update_rate>" + _CAMERA.format(""),
+         "update_rate: expected a finite number, got 'inf'"),
+        ("gpu_lidar", "<update_rate>nan</update_rate>" + lidar(),
+         "update_rate: expected a number, got 'nan'"),
+        ("gpu_lidar", lidar(samples="10.5"),
+         "horizontal samples: expected an integer, got 10.5"),
         ("camera", _CAMERA.format("<horizontal_fov>wide</horizontal_fov>"),
          "horizontal_fov: "),
         ("camera", _CAMERA.format("<distortion><k1>inf</k1></distortion>"),
-         "distortion: expected finite numbers, got 'inf, "),
+         "k1: expected a finite number, got 'inf'"),
         ("camera", _CAMERA.format("<distortion><k1>0.1</k1><center>0.5 inf</center>"
                                   "</distortion>"),
          "distortion center: expected 2 numbers, got '0.5 inf'"),
@@ -172,6 +183,44 @@ def test_each_tag_without_an_effect_is_told(
     assert [(e.what, e.done, e.where) for e in robot.report] == [
         (f"<{tag}>", "it has no effect", "sensor 'front'") for tag in told
     ]
+
+
+def test_another_name_that_a_sensor_gets_is_told() -> None:
+    camera = _CAMERA.format("")
+    again = f'</sensor><sensor name="front" type="camera">{camera}'
+    robot = load("camera", camera + again + again)
+
+    assert [s.name for s in robot.description.perception_sensors] == [
+        *("front", "front_2", "front_3")
+    ]
+    assert [(e.severity, e.what, e.done, e.where) for e in robot.report] == [
+        (
+            "info",
+            "another sensor is called 'front'",
+            f"this one is {name!r}",
+            "sensor 'front'",
+        )
+        for name in ("front_2", "front_3")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("topic", "taken"),
+    [("a b//c", "/a_bc"), ("~/eye@2", "/eye2"), ("@", None), ("/eye/", "/eye")],
+)
+def test_a_topic_that_gazebo_does_not_take_becomes_one_that_it_does(
+    topic: str, taken: str | None
+) -> None:
+    robot = load("gpu_lidar", f"<topic>{topic}</topic>" + lidar())
+    simulation = ad.Simulation(ad.build_diagram(robot))
+
+    usual = "/world/empty/model/r/link/eye/sensor/front/scan"
+    assert simulation.lidar("front").topics["scan"] == (taken or usual)
+    done = f"it is {taken[1:]!r}" if taken else "it is the usual one"
+    told = f"topic {topic!r}: expected one without spaces, @, ~, // and :=; {done}"
+    assert [str(e).partition("sensor 'front': ")[2] for e in simulation.report] == (
+        [told] if taken != "/eye" else []
+    )
 
 
 @pytest.mark.parametrize(

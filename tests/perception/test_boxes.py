@@ -256,6 +256,16 @@ def test_why_nothing_is_found_is_said(cloud: np.ndarray, reason: str) -> None:
         ),
         (
             [[0.0] * 3],
+            {"seed": -1},
+            "seed: expected an integer of at least 0, got -1",
+        ),
+        (
+            [[0.0] * 3],
+            {"seed": "x"},
+            "seed: expected an integer of at least 0, got 'x'",
+        ),
+        (
+            [[0.0] * 3],
             {"region": (1.0,)},
             "region: expected least and largest x, y, z, got (1.0,)",
         ),

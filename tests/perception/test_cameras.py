@@ -2,12 +2,14 @@
 
 import concurrent.futures
 import dataclasses as dc
+import gc
 import io
 import itertools
 import math
 import os
 import subprocess
 import sys
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,7 @@ import trimesh
 from pydrake.systems.framework import CacheIndex
 
 import arm_drake as ad
+from arm_drake.description.perception_sensors import CameraSensor
 from arm_drake.errors import InputError
 from arm_drake.perception import scenery as scenery_module
 from arm_drake.perception.cameras import Camera
@@ -72,6 +75,51 @@ def test_depths_are_those_of_rays(simulation: ad.Simulation) -> None:
 
     np.testing.assert_allclose(depth[below, 5], 0.4 / slopes[below], atol=1e-3)
     assert np.isposinf(depth[0, 0])
+
+
+@pytest.mark.parametrize(
+    ("near", "told"),
+    [(0.9, 1.0), (1.05, -math.inf), (1.15, 1.2), (1.3, -math.inf), (1.4, math.inf)],
+)
+def test_a_layer_before_the_near_plane_is_too_near_and_what_is_nearer_is_not_there(
+    near: float, told: float
+) -> None:
+    # The box is from 1 to 1.2 m ahead; the layer is a tenth, as in Gazebo Sim.
+    simulation = ad.Simulation(ad.build_diagram(load(near=str(near))))
+    camera = simulation.camera("front")
+
+    assert camera.depth()[120, 160] == pytest.approx(told, abs=1e-3)
+    image = to_array(simulation.topic("/cam/depth_image").value())
+    assert image[120, 160] == camera.depth()[120, 160]
+    seen = camera.points("optical")
+    is_ahead = np.abs(seen[:, :2]).max(axis=1) < 0.05
+    assert is_ahead.any() == math.isfinite(told)
+
+
+@pytest.mark.parametrize(
+    ("near", "least", "told"),
+    [
+        (0.9, 0.95, 1.0),
+        (0.9, 1.1, -math.inf),
+        (1.05, 1.1, 1.2),
+        (1.05, 1.25, -math.inf),
+    ],
+)
+def test_with_classics_plugin_what_is_nearer_than_its_least_depth_is_too_near(
+    near: float, least: float, told: float
+) -> None:
+    plugin = (
+        '<plugin name="eyes" filename="libgazebo_ros_camera.so">'
+        f"<min_depth>{least}</min_depth></plugin></sensor>"
+    )
+    text = _URDF.format(**{**_NUMBERS, "near": str(near)})
+    text = text.replace("rgbd_camera", "depth").replace("</sensor>", plugin)
+    simulation = ad.Simulation(ad.build_diagram(ad.load_robot(text)))
+
+    depth = simulation.camera("front").depth()[120, 160]
+
+    # The box is from 1 to 1.2 m ahead; before the near plane it isn't drawn at all.
+    assert depth == pytest.approx(told, abs=1e-3)
 
 
 def test_who_draws_on_a_picture_has_one_of_his_own(simulation: ad.Simulation) -> None:
@@ -205,6 +253,23 @@ def _num_entries(camera: Camera) -> int:
     return camera._measured + 1 + camera.num_output_ports()
 
 
+def test_a_simulation_that_is_gone_goes_with_the_first_picture_of_the_next() -> None:
+    gc.disable()
+    try:
+        first = ad.Simulation(ad.build_diagram(load()))
+        first.camera("front").color()
+        gone = weakref.ref(first.diagram)
+        del first
+
+        second = ad.Simulation(ad.build_diagram(load()))
+        second.camera("front").color()
+
+        assert gone() is None
+        assert second.camera("front").depth().shape == (240, 320)
+    finally:
+        gc.enable()
+
+
 def test_what_is_read_is_of_its_time_and_poses() -> None:
     # Also where no step of the plant lies between two times.
     robot = ad.load_robot("mycobot_280")
@@ -289,6 +354,9 @@ def test_noise_is_that_of_its_seed() -> None:
     [
         ({"fov": "0"}, "horizontal_fov: expected more than 0 and less than pi"),
         ({"fov": "3.2"}, "horizontal_fov: expected more than 0 and less than pi"),
+        ({"fov": "nan"}, "horizontal_fov: expected more than 0 and less than pi"),
+        ({"fov": "inf"}, "horizontal_fov: expected more than 0 and less than pi"),
+        ({"width": "nan"}, "image width: expected 1 to 8192 pixels, got nan"),
         ({"width": "0"}, "image width: expected 1 to 8192 pixels, got 0"),
         ({"width": "9000"}, "image width: expected 1 to 8192 pixels, got 9000"),
         ({"near": "10"}, "clip: expected 0 < near < far, got 10 and 10 m"),
@@ -300,6 +368,62 @@ def test_what_is_no_camera_is_told(numbers: dict[str, str], told: str) -> None:
 
     assert not robot.description.perception_sensors
     assert [e for e in robot.report.errors if e.what.startswith(told)]
+
+
+@pytest.mark.parametrize(
+    ("argument", "value", "told"),
+    [
+        ("robot", "r", "robot: expected a robot of arm_drake.load_robot, got 'r'"),
+        ("link", None, "link: expected a text, got None"),
+        ("name", 3, "name: expected a text, got 3"),
+        ("kind", 3, "kind: expected a text, got 3"),
+        ("width", "x", "camera 'c': width: expected a number, got 'x'"),
+        ("width", True, "camera 'c': width: expected a number, got True"),
+        ("width", 0, "camera 'c': image width: expected 1 to 8192 pixels, got 0"),
+        ("height", 0, "camera 'c': image height: expected 1 to 8192 pixels, got 0"),
+        (
+            "horizontal_fov",
+            "x",
+            "camera 'c': horizontal_fov: expected a number, got 'x'",
+        ),
+        (
+            "horizontal_fov",
+            math.nan,
+            "camera 'c': horizontal_fov: expected more than 0 and less than pi, "
+            "got nan rad",
+        ),
+        ("near", None, "camera 'c': near: expected a number, got None"),
+        ("noise", "x", "camera 'c': noise: expected a number, got 'x'"),
+        ("update_rate", "x", "camera 'c': update_rate: expected a number, got 'x'"),
+        *(
+            (
+                "update_rate",
+                rate,
+                f"camera 'c': update_rate: expected a finite number above 0 Hz, "
+                f"got {rate:g}",
+            )
+            for rate in (math.inf, math.nan, -1.0, 0)
+        ),
+    ],
+)
+def test_what_add_camera_cannot_use_is_told_in_one_message(
+    argument: str, value: Any, told: str
+) -> None:
+    arguments = {"robot": load(), "link": "eye", "name": "c", argument: value}
+    with pytest.raises(InputError) as error:
+        ad.add_camera(**arguments)
+
+    assert str(error.value) == told
+
+
+def test_a_size_may_be_a_number_of_numpy() -> None:
+    robot = ad.add_camera(load(), "eye", name="c", width=np.int64(32), height=24.0)  # type: ignore[arg-type]
+
+    sensor = robot.description.perception_sensors[-1]
+
+    assert isinstance(sensor, CameraSensor)
+    assert (type(sensor.width), type(sensor.height)) == (int, int)
+    assert ad.Simulation(ad.build_diagram(robot)).camera("c").color().shape[1] == 32
 
 
 def test_a_camera_needs_a_link() -> None:

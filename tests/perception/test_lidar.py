@@ -3,6 +3,7 @@
 import dataclasses as dc
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -134,6 +135,49 @@ def test_a_mesh_is_seen_where_its_triangles_are(kind: str, tmp_path: Path) -> No
     np.testing.assert_allclose(ranges, expected, atol=1e-5)
 
 
+@pytest.mark.parametrize("kind", ["gpu_lidar", "ray"])
+def test_meshes_that_were_written_here_need_no_library_to_be_read(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    creation.box((0.2, 4.0, 1.0)).export(tmp_path / "wall.stl")
+    mesh = f'<mesh filename="file://{tmp_path}/wall.stl"/>'
+    plugin = '<plugin name="eyes" filename="libgazebo_ros_ray_sensor.so"/>'
+    lidar = look(load(shape(mesh), kind=kind, more=plugin if kind == "ray" else ""))
+    monkeypatch.setattr(lidars, "read_surfaces", lambda *_: [])
+
+    assert lidar.ranges()[0, 180] == pytest.approx(1.9, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("radius", "most"), [(0.02, 1_100), (0.1, 6_000), (0.5, 30_000), (4.0, 51_000)]
+)
+def test_balls_have_triangles_as_their_size_needs(
+    radius: float, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[int] = []
+    make = lidars._make_tree
+
+    def count(place: int, triangles: np.ndarray, culled: np.ndarray) -> Any:
+        made.append(len(triangles))
+        return make(place, triangles, culled)
+
+    monkeypatch.setattr(lidars, "_make_tree", count)
+    limits = "<min>0.05</min><max>4</max>"
+    away = radius + 0.5
+    ball = shape(f'<sphere radius="{radius}"/>', xyz=f"{away} 0 0")
+    ranges = look(load(ball, limits=limits)).ranges()[0]
+
+    angles = np.linspace(-math.pi, math.pi, 361)
+    ahead = np.abs(np.sin(angles)) < 0.7 * radius / away
+    expected = _to_circle(angles, away, radius)
+    ahead &= np.isfinite(expected)
+    assert ahead.any()
+    # Where a ray is slanted it goes on by more than the faces are off.
+    largest = 1e-4 if radius <= 1.0 else 1e-3
+    np.testing.assert_allclose(ranges[ahead], expected[ahead], atol=3.0 * largest)
+    assert max(made) <= most
+
+
 def test_rings_that_look_down_see_the_ground() -> None:
     scan = f"<horizontal>{_AROUND}</horizontal>{_RINGS}"
     lidar = look(load(scan=scan))
@@ -242,6 +286,24 @@ def test_what_is_out_of_range_is_not_seen() -> None:
     assert np.isposinf(look(inside).ranges()).all()
 
 
+@pytest.mark.parametrize("kind", ["gpu_lidar", "ray"])
+def test_what_is_behind_something_too_near_is_seen(kind: str) -> None:
+    plugin = '<plugin name="eyes" filename="libgazebo_ros_ray_sensor.so"/>'
+    plate = shape('<box size="0.01 0.2 0.2"/>', xyz="0.2 0 0")
+    robot = load(
+        plate + shape('<sphere radius="0.5"/>'),
+        kind=kind,
+        more=plugin if kind == "ray" else "",
+        limits="<min>0.3</min><max>9</max>",
+    )
+
+    ranges = look(robot).ranges()[0]
+
+    assert ranges[180] == pytest.approx(1.5, abs=1e-4)
+    # Beside the ball, 20 degrees to the left, there is the plate alone.
+    assert np.isposinf(ranges[200])
+
+
 def test_noise_is_the_same_with_the_same_seed() -> None:
     noise = "<noise><type>gaussian</type><mean>0.02</mean><stddev>0.01</stddev></noise>"
     box = shape('<box size="0.2 40 4"/>')
@@ -338,9 +400,11 @@ def test_wrong_names_are_told() -> None:
         (both.camera, "front"),
         (both.lidar, "cam"),
         (alone.camera, "rear"),
+        (alone.camera, 3),
+        (both.camera, None),
     ):
         with pytest.raises(InputError) as error:
-            find(name)
+            find(name)  # type: ignore[arg-type]
         found.append(str(error.value))
 
     none = "the robots have no camera; arm_drake.add_camera adds one"
@@ -350,6 +414,9 @@ def test_wrong_names_are_told() -> None:
         f"{lidar}known: cam",
         "'cam' is a camera, no lidar; known: front",
         f"no camera 'rear'; {none}",
+        "expected the name of a camera, got 3; the robots have none; "
+        "arm_drake.add_camera adds one",
+        "expected the name of a camera, got None; known: cam",
     ]
 
 

@@ -43,6 +43,35 @@ def test_messages_come_at_the_update_rate(simulation: ad.Simulation) -> None:
     assert types == {Image, CameraInfo, PointCloud2, LaserScan}
 
 
+@pytest.mark.parametrize("rate", [1e9, 1e4])
+def test_no_sensor_is_read_more_often_than_the_physics_steps(rate: float) -> None:
+    robot = ad.add_camera(
+        load(), "eye", name="cam", kind="color", width=32, height=24, update_rate=rate
+    )
+    options = ad.SimulationOptions(log_images=("cam",), time_step=0.002)
+    simulation = ad.Simulation(ad.build_diagram(robot, options=options))
+    simulation.advance_to(0.009)
+
+    messages = simulation.rollout().sensor_messages["/cam/image"]
+
+    [line] = [e for e in simulation.report if "update_rate" in e.what]
+    assert str(line).endswith(
+        f"sensor 'cam': update_rate {rate:g} Hz, more often than the physics steps; "
+        "it is 500 Hz, once in each step"
+    )
+    times = [message.header.stamp.to_seconds() for message in messages]
+    np.testing.assert_allclose(times, np.arange(5) * 0.002, atol=1e-9)
+
+
+def test_a_rate_of_the_physics_is_taken_as_it_is() -> None:
+    robot = ad.add_camera(load(), "eye", name="cam", update_rate=1.0 / 0.003)
+    options = ad.SimulationOptions(time_step=0.003)
+    simulation = ad.Simulation(ad.build_diagram(robot, options=options))
+
+    assert not [e for e in simulation.report if "update_rate" in e.what]
+    assert simulation.camera("cam").sensor.update_rate == 1.0 / 0.003
+
+
 def test_a_logged_picture_is_the_one_of_its_time(simulation: ad.Simulation) -> None:
     robot = next(iter(simulation.robots.values()))
     fresh = ad.Simulation(ad.build_diagram(robot))

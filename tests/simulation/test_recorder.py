@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -380,7 +381,7 @@ def test_of_two_recorders_the_one_that_keeps_more_decides(tmp_path: Path) -> Non
         assert sim.rollout().time[0] == 0.0
 
 
-@pytest.mark.parametrize("history", [0.0, -1.0, math.nan])
-def test_a_history_that_is_no_time_is_refused(tmp_path: Path, history: float) -> None:
+@pytest.mark.parametrize("history", [0.0, -1.0, math.nan, "x", True])
+def test_a_history_that_is_no_time_is_refused(tmp_path: Path, history: Any) -> None:
     with pytest.raises(InputError, match="history must be positive"):
         make_simulation().record_to(tmp_path / "a.csv", history=history)

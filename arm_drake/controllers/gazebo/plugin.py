@@ -245,6 +245,9 @@ _Classic = (
 )
 _OneJoint = JointPositionController | JointController
 
+# What a topic of Gazebo Sim can't have in its name.
+_NOT_IN_TOPICS = re.compile("@|~|//|:=")
+
 # A remapping of a topic: from, to.
 _REMAPPING = re.compile(r"(?P<old>[\w/]+):=(?P<new>[\w/]+)")
 
@@ -359,8 +362,12 @@ def _command_topic(tag: _OneJoint, model: str, end: str) -> str:
 
 
 def as_topic(name: str) -> str:
-    """Return the full name of a topic of Gazebo Sim."""
-    return "/" + name.strip().lstrip("/").replace(" ", "_")
+    """Return the full name of a topic of Gazebo Sim, without what may not be in it.
+
+    Source: gz-transport, src/TopicUtils.cc, `AsValidTopic`.
+    """
+    name = name.strip().lstrip("/").replace(" ", "_")
+    return "/" + _NOT_IN_TOPICS.sub("", name).strip("/")
 
 
 def _resolve(name: str, namespace: str) -> str:

@@ -269,6 +269,21 @@ def encode_surface(surfaces: list[Surface]) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
+def decode_surface(content: bytes) -> list[Surface]:
+    """Return the surface of a file of `encode_surface`, none of most others'."""
+    try:
+        rows = np.array(content.split()).reshape(-1, 4)
+        is_vertex = rows[:, 0] == b"v"
+        vertices = rows[is_vertex, 1:].astype(float)
+        faces = rows[~is_vertex, 1:].astype(int) - 1
+    except ValueError:
+        return []
+    is_known = (is_vertex | (rows[:, 0] == b"f")).all() and len(faces)
+    if not is_known or not 0 <= faces.min() <= faces.max() < len(vertices):
+        return []
+    return [Surface(vertices, faces)]
+
+
 # The fewest triangles of a solid.
 _FEWEST = 4
 
