@@ -372,7 +372,10 @@ class TickKeeper:
             if isinstance(system, TickingController) and system.params.is_managed
         }
         self.inboxes = [member.inbox for member in self._members.values()]
-        self.are_direct = all(member.is_direct for member in self._members.values())
+        self.are_direct = all(
+            member.is_direct and not member.system.reference_interfaces
+            for member in self._members.values()
+        )
 
     def connect(self, builder: DiagramBuilder, system: TickingController[Any]) -> None:
         """Connect the ports of a controller that is in the builder."""
@@ -410,6 +413,7 @@ class TickKeeper:
             if name not in asleep:
                 if (
                     member.is_direct
+                    and name not in cycle.chained
                     and cycle.commands is None
                     and result.inputs is inputs
                 ):
@@ -434,7 +438,8 @@ class TickKeeper:
         """
         awake = [m for name, m in self._members.items() if name not in state.asleep]
         for member in awake:
-            if not member.is_direct or member.name not in state.active:
+            is_alone = member.name in state.active and member.name not in state.chained
+            if not (member.is_direct and is_alone):
                 return None
         return tuple((member.name, member.system) for member in awake)
 

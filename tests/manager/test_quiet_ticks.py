@@ -39,7 +39,9 @@ from arm_drake.messages import (
 from arm_drake.messages.control import GripperCommand
 from tests import models
 from tests.conformance.jtc_players import NAME, Dict, Player, flatten, load
+from tests.conformance.open_loop import OpenLoop, is_started
 from tests.conformance.test_oracle_jtc_scenarios import INPUTS, OUTPUTS, REPLAYED
+from tests.oracle import oracle_cases
 from tests.robots import skip_or_fail
 
 JOINTS = tuple(f"joint{i}" for i in range(1, 7))
@@ -155,6 +157,67 @@ def count(monkeypatch: pytest.MonkeyPatch) -> Count:
     return counted
 
 
+class Managed:
+    """A controller with a manager, and nothing else."""
+
+    def __init__(self, system: Any, claims: tuple[str, ...], status: str) -> None:
+        self.system, params = system, system.params
+        joints, rate = tuple(params.joint_types), params.update_rate
+        basic = interfaces.interface_names(joints, interfaces.STATE_INTERFACES)
+        robot: Any = SimpleNamespace(
+            controllers=SimpleNamespace(update_rate=rate, controllers=()),
+            distro=params.distro,
+        )
+        offered = HardwareInterfaces(
+            params.joint_types,
+            claims,
+            params.measured,
+            dict.fromkeys(joints, 0.0),
+            sensed=tuple(n for n in params.measured if n not in basic),
+        )
+        builder = DiagramBuilder()
+        self.manager = ControllerManager(
+            robot,
+            [LoadedController(params.controller_name, "", status, system)],
+            LoadReport(),
+            prefix="",
+            period=params.period,
+            log_period=params.period,
+            drive=DriveCommands(joints, claims, velocity_lead=0.05),
+            hardware_interfaces=offered,
+        )
+        builder.AddSystem(self.manager)
+        builder.AddSystem(system)
+        self.manager.add_controller(builder, system)
+        for part in (self.manager, system):
+            for index in range(part.num_input_ports()):
+                port = part.get_input_port(index)
+                if not builder.IsConnectedOrExported(port):
+                    name = f"{part.get_name()}.{port.get_name()}"
+                    builder.ExportInput(port, name)
+        self.manager.set_name("manager")
+        self.diagram = builder.Build()
+        self.simulator = Simulator(self.diagram)
+        self.simulator.Initialize()
+        root = self.simulator.get_mutable_context()
+        self.context = system.GetMyMutableContextFromRoot(root)
+
+    def fix(self, system: Any, port: str, value: Any) -> None:
+        context = system.GetMyMutableContextFromRoot(
+            self.simulator.get_mutable_context()
+        )
+        if system.HasInputPort(port):
+            system.GetInputPort(port).FixValue(context, value)
+
+    def measure(self, measured: list[float]) -> None:
+        """Put what is measured on all ports, in the order of the controller's own."""
+        J = len(self.system.params.joint_types)
+        size = self.system.GetInputPort(interfaces.STATE_PORT).size()
+        self.fix(self.system, interfaces.STATE_PORT, measured[:size])
+        self.fix(self.manager, interfaces.STATE_PORT, measured[: 3 * J])
+        self.fix(self.manager, interfaces.MOTIONS_PORT, measured[: 2 * J])
+
+
 class ManagedPlayer(Player):
     """Replays a scenario with a controller and its manager.
 
@@ -183,48 +246,8 @@ class ManagedPlayer(Player):
         )
         self.system = JointTrajectoryController(load(self.flat, distro), params)
         status = "active" if self.is_active else "inactive"
-        robot: Any = SimpleNamespace(
-            controllers=SimpleNamespace(update_rate=rate, controllers=()), distro=distro
-        )
-        joints = tuple(self.joint_types)
-        offered = HardwareInterfaces(
-            self.joint_types,
-            tuple(self.claimed),
-            tuple(output["state_interfaces"]),
-            dict.fromkeys(joints, 0.0),
-            sensed=tuple(others),
-        )
-        builder = DiagramBuilder()
-        manager = ControllerManager(
-            robot,
-            [LoadedController(NAME, "", status, self.system)],
-            LoadReport(),
-            prefix="",
-            period=self.period,
-            log_period=self.period,
-            drive=DriveCommands(joints, tuple(self.claimed), velocity_lead=0.05),
-            hardware_interfaces=offered,
-        )
-        self.manager = builder.AddSystem(manager)
-        builder.AddSystem(self.system)
-        manager.add_controller(builder, self.system)
-        for system in (manager, self.system):
-            for index in range(system.num_input_ports()):
-                port = system.get_input_port(index)
-                if not builder.IsConnectedOrExported(port):
-                    name = f"{system.get_name()}.{port.get_name()}"
-                    builder.ExportInput(port, name)
-        manager.set_name("manager")
-        self.diagram = builder.Build()
-        self.simulator = Simulator(self.diagram)
-        self.simulator.Initialize()
-
-    def fix(self, system: Any, port: str, value: Any) -> None:
-        context = system.GetMyMutableContextFromRoot(
-            self.simulator.get_mutable_context()
-        )
-        if system.HasInputPort(port):
-            system.GetInputPort(port).FixValue(context, value)
+        self.managed = Managed(self.system, tuple(self.claimed), status)
+        self.fix = self.managed.fix
 
     def run(self, k: int, time_ns: int, events: list[Dict]) -> None:
         inputs: defaultdict[str, list[Any]] = defaultdict(list)
@@ -243,7 +266,7 @@ class ManagedPlayer(Player):
                 if message is not None:
                     inputs[message[0]].append(message[1])
         for field, system, port in (
-            ("switch", self.manager, SWITCH_PORT),
+            ("switch", self.managed.manager, SWITCH_PORT),
             ("topics", self.system, "joint_trajectory"),
             ("requests", self.system, "follow_joint_trajectory"),
             ("scaling_factors", self.system, "speed_scaling_input"),
@@ -251,13 +274,8 @@ class ManagedPlayer(Player):
             if field in inputs:
                 self.fix(system, port, AbstractValue.Make(tuple(inputs[field])))
         state, order = self.measured(k), self.system.params.measured
-        measured = [state.get(name, 0.0) for name in order]
-        J = len(self.joint_types)
-        size = self.system.GetInputPort(interfaces.STATE_PORT).size()
-        self.fix(self.system, interfaces.STATE_PORT, measured[:size])
-        self.fix(self.manager, interfaces.STATE_PORT, measured[: 3 * J])
-        self.fix(self.manager, interfaces.MOTIONS_PORT, measured[: 2 * J])
-        self.simulator.AdvanceTo((k + 0.5) * self.period)
+        self.managed.measure([state.get(name, 0.0) for name in order])
+        self.managed.simulator.AdvanceTo((k + 0.5) * self.period)
 
 
 @pytest.mark.parametrize(
@@ -286,6 +304,57 @@ def test_scenarios_of_upstream_are_the_same_both_ways(
 
     assert count.share > 0.6, count
     assert count.num_steady > 10 * len(names)
+
+
+class ManagedLoop(OpenLoop):
+    """Replays a case with a controller and its manager, whose clock it has."""
+
+    is_managed = True
+
+    def start(self) -> None:
+        claims = tuple(self.expected["command_interfaces"])
+        self.managed = Managed(self.system, claims, "active")
+        self.context = self.managed.context
+
+    def play(self) -> None:
+        period, name = self.system.params.period, (self.name,)
+        rows = self.expected.get("state", [])
+        for cycle in range(len(self.expected["t_ns"])):
+            self._sent, requests = {}, []
+            self.time_ns = round(1e9 * cycle * period)
+            for event in self.case_input.get("events", ()):
+                if event["cycle"] != cycle:
+                    continue
+                if event["type"] == "activate":
+                    requests.append(SwitchController(name, ()))
+                elif event["type"] == "deactivate":
+                    requests.append(SwitchController((), name))
+                else:
+                    self._do(event)
+            if requests:
+                value = AbstractValue.Make(tuple(requests))
+                self.managed.fix(self.managed.manager, SWITCH_PORT, value)
+            for port, messages in self._sent.items():
+                self.managed.fix(self.system, port, AbstractValue.Make(messages))
+            measured = np.zeros(len(self.system.params.measured))
+            if rows:
+                measured[self._find_measured()] = np.array(rows[cycle], dtype=float)
+            self.managed.measure(measured.tolist())
+            self.managed.simulator.AdvanceTo((cycle + 0.5) * period)
+
+
+@pytest.mark.parametrize(
+    ("kind", "share"),
+    [("controller_diff_drive", 0.9), ("controller_pid_controller", 0.95)],
+)
+def test_cases_of_upstream_are_the_same_both_ways(
+    count: Count, kind: str, share: float
+) -> None:
+    for case in oracle_cases(kind):
+        if is_started(case["output"]) and not case["input"].get("chained"):
+            ManagedLoop(case["input"], case["output"]).play()
+
+    assert count.steady_share > share, count
 
 
 def simulate() -> ad.Simulation:
