@@ -9,7 +9,7 @@ import functools
 from collections import defaultdict
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -23,6 +23,7 @@ from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.control.trajectory import Sample
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.joint_trajectory.controller import JointTrajectoryController
+from arm_drake.description.bundled import configs_folder
 from arm_drake.description.report import LoadReport
 from arm_drake.manager import ControllerManager
 from arm_drake.manager.controller_manager import SWITCH_PORT
@@ -34,7 +35,9 @@ from arm_drake.messages import (
     GripperCommandGoal,
     JointTrajectory,
     JointTrajectoryPoint,
+    SetOdometry,
     SwitchController,
+    TwistStamped,
 )
 from arm_drake.messages.control import GripperCommand
 from tests import models
@@ -565,6 +568,124 @@ def test_pids_of_a_trajectory_tick_steadily(
     assert sim.joint_states().position[0] > 0.1
 
 
+def simulate_base(
+    folder: Path, text: str, preset: Literal["accurate", "kinematic"] = "accurate"
+) -> ad.Simulation:
+    """Return a base whose controller has further parameters."""
+    source = configs_folder() / "wheeled_base"
+    file = folder / "controllers.yaml"
+    config = (source / "diff_drive_controllers.yaml").read_text(encoding="utf-8")
+    file.write_text(f"{config}    {text}", encoding="utf-8")
+    robot = ad.load_robot(source / "diff_drive.urdf", controllers=file)
+    options = ad.SimulationOptions(preset=preset)
+    return ad.Simulation(ad.build_diagram(robot, options=options))
+
+
+def twist(v: float, w: float) -> TwistStamped:
+    return TwistStamped(twist={"linear": {"x": v}, "angular": {"z": w}})
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "publish_limited_velocity: true",
+        "open_loop: true",
+        "position_feedback: false\n    linear.x.max_jerk: 3.0",
+        "linear: {x: {max_velocity: 0.3, max_acceleration: 0.5, max_jerk: 3.0}}",
+    ],
+)
+def test_a_base_ticks_steadily_until_its_command_is_too_old(
+    count: Count, tmp_path: Path, text: str
+) -> None:
+    sim = simulate_base(tmp_path, text)
+    sim.run(0.2)
+    sim.topic("/base/cmd_vel").publish(twist(0.4, 0.3))
+    sim.run(0.3)
+    sim.mailbox.publish("base.set_odometry", SetOdometry(1.0, 2.0, 0.5), sim.time)
+    num_full = count.num_full
+    sim.run(0.1)
+    assert count.num_full == num_full + 1
+    sim.run(1.0)
+
+    # The pose; the velocity that is too old; of the first one nothing had come yet.
+    assert count.num_full + count.num_quiet == num_full + 2
+    assert count.steady_share > 0.95, count
+    assert sim.topic("/base/odom").value().pose.pose.position.x > 1.0
+
+
+def test_a_base_goes_on_from_the_middle_of_steady_ticks(
+    count: Count, tmp_path: Path
+) -> None:
+    text = "linear: {x: {max_acceleration: 0.5}}"
+    # Without contacts, whose shapes have other numbers in each diagram.
+    sim = simulate_base(tmp_path, text, "kinematic")
+    sim.topic("/base/cmd_vel").publish(twist(0.4, 0.3))
+    sim.advance_to(0.253)
+    saved = sim.simulator.get_context().Clone()
+    sim.advance_to(0.953)
+    expected = read_state(sim.simulator)
+
+    sim.simulator.reset_context(saved.Clone())
+    sim.advance_to(0.953)
+    assert read_state(sim.simulator) == expected
+
+    rebuilt = Simulator(simulate_base(tmp_path, text, "kinematic").diagram)
+    rebuilt.get_mutable_context().SetTimeStateAndParametersFrom(saved)
+    rebuilt.AdvanceTo(0.953)
+    assert read_state(rebuilt) == expected
+    assert count.steady_share > 0.95, count
+
+
+CHAIN = """
+controller_manager:
+  ros__parameters:
+    update_rate: 200
+    inner: {{type: pid_controller/PidController}}
+    outer: {{type: forward_command_controller/ForwardCommandController}}
+inner:
+  ros__parameters:
+    dof_names: [swing]
+    command_interface: effort
+    reference_and_state_interfaces: [{names}]
+    gains: {{swing: {{p: 60.0, i: 90.0, d: 8.0, {more}}}}}
+outer: {{ros__parameters: {{joints: [inner/swing], interface_name: position}}}}
+"""
+
+
+@pytest.mark.parametrize("names", ["position", "position, velocity"])
+@pytest.mark.parametrize(
+    "more",
+    [
+        "feedforward_gain: 2.0, angle_wraparound: true",
+        "u_clamp_max: 3.0, u_clamp_min: -3.0, antiwindup_strategy: back_calculation",
+    ],
+)
+def test_a_pid_ticks_steadily_where_nobody_commands_its_references(
+    count: Count, tmp_path: Path, names: str, more: str
+) -> None:
+    control = models.ros2_control("swing", command="effort")
+    config = CHAIN.format(names=names, more=more)
+    robot = models.load(tmp_path, models.pendulum(control=control), config)
+    sim = ad.Simulation(ad.build_diagram(robot, world="void"))
+    sim.controller("outer").command([0.3])
+    sim.run(0.2)
+    assert count.num_full == count.total
+
+    sim.switch_controllers(deactivate=("outer",))
+    sim.run(0.2)
+    sim.controller("inner").command([0.6])
+    sim.run(0.2)
+    num_full = count.num_full
+
+    # The switch and the message.
+    assert count.total - num_full == 80 - 2
+    assert count.num_steady > 70
+    sim.switch_controllers(activate=("outer",))
+    sim.run(0.1)
+    assert count.num_full == num_full + 20
+    assert sim.joint_states().position[0] > 0.02
+
+
 HAND = """
 controller_manager:
   ros__parameters:
@@ -584,3 +705,6 @@ def test_a_gripper_ticks_quietly(count: Count, tmp_path: Path) -> None:
     assert goal.status.is_terminal
     assert goal.result is not None
     assert count.share > 0.9
+    num_steady = count.num_steady
+    sim.run(0.2)
+    assert count.num_steady == num_steady + 20
