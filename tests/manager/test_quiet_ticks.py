@@ -40,7 +40,7 @@ from arm_drake.messages import (
     TwistStamped,
 )
 from arm_drake.messages.control import GripperCommand
-from tests import models
+from tests import carts, models
 from tests.conformance.jtc_players import NAME, Dict, Player, flatten, load
 from tests.conformance.open_loop import OpenLoop, is_started
 from tests.conformance.test_oracle_jtc_scenarios import INPUTS, OUTPUTS, REPLAYED
@@ -634,6 +634,20 @@ def test_a_base_goes_on_from_the_middle_of_steady_ticks(
     rebuilt.AdvanceTo(0.953)
     assert read_state(rebuilt) == expected
     assert count.steady_share > 0.95, count
+
+
+def test_gazebo_s_base_ticks_steadily_between_its_odometry(
+    count: Count, tmp_path: Path
+) -> None:
+    drive = carts.diff_drive(("max_acceleration", 0.8), ("odom_publish_frequency", 20))
+    robot = carts.load(tmp_path, carts.cart(drive))
+    sim = ad.Simulation(ad.build_diagram(robot))
+    sim.run(0.1)
+    sim.topic("/model/cart/cmd_vel").publish(twist(0.4, 0.3).twist)
+    sim.run(0.4)
+
+    assert count.steady_share > 0.97, count
+    assert sim.topic("/model/cart/odometry").value().pose.pose.position.x > 0.03
 
 
 CHAIN = """

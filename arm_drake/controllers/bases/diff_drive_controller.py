@@ -6,10 +6,9 @@ odometry are `arm_drake.control.diff_drive`.
 """
 
 import dataclasses as dc
-import itertools
 import math
 from collections.abc import Sequence
-from typing import Annotated, NamedTuple, Self
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.control.diff_drive import (
     DiffDriveKinematics,
+    DiffDriveMotion,
     DiffDriveOdometryState,
     from_commands,
 )
@@ -223,38 +223,8 @@ def make_settings(parameters: DiffDriveControllerParameters) -> DiffDriveSetting
 _UNKNOWN = (math.nan, math.nan)
 _REST = (0.0, 0.0)
 
-# How many numbers say how a base moves, without the samples of its mean; and of how
-# many samples steady ticks take care.
-_NUM_MOTION = 14
+# Of how many samples of a mean steady ticks take care.
 _MAX_SAMPLES = 100
-
-
-class DiffDriveMotion(NamedTuple):
-    """How a base moves, as a tick leaves it."""
-
-    # The last two velocities that the limits let through, the newest first.
-    limited: tuple[Velocity, Velocity]
-    odometry: DiffDriveOdometryState
-
-    @property
-    def numbers(self) -> list[float]:
-        """Return all that is in it: 14 numbers, then the samples of the mean."""
-        mean, *vectors = self.odometry
-        sums = mean.sums or _REST
-        numbers = itertools.chain(*self.limited, *vectors, sums, *mean.samples)
-        return [float(len(mean.samples)), *numbers]
-
-    @classmethod
-    def from_numbers(cls, numbers: Sequence[float], window: int) -> Self:
-        """Return it again; what follows the numbers doesn't count."""
-        count, v0, w0, v1, w1, x, y, heading, *more = numbers
-        k = int(count)
-        pairs = zip(more[0::2], more[1::2], strict=False)
-        velocity, positions, sums, *samples = itertools.islice(pairs, 3 + k)
-        mean = RollingMean(window, tuple(samples), sums if k else ())
-        pose = PlanarPose(x, y, heading)
-        odometry = DiffDriveOdometryState(mean, pose, velocity, positions)
-        return cls(((v0, w0), (v1, w1)), odometry)
 
 
 class DiffDriveState(NamedTuple):
@@ -324,8 +294,8 @@ class _SteadyDrive:
             if not math.isfinite(sum(sides)):
                 return None
         odometry = system._integrate(settings, odometry, velocity, sides, dt)
-        numbers = DiffDriveMotion((velocity, limited[0]), odometry).numbers
-        memory[: len(numbers)] = numbers
+        motion = DiffDriveMotion((velocity, limited[0]), odometry)
+        memory[:] = motion.numbers(len(memory))
         return system._find_command(settings, velocity)
 
     def state(
@@ -379,7 +349,7 @@ class DiffDriveController(BaseController[DiffDriveState]):
         mean = RollingMean(config.velocity_rolling_window_size)
         num_samples = 0 if config.open_loop else mean.window
         if num_samples <= _MAX_SAMPLES:
-            self.num_remembered = _NUM_MOTION + 2 * num_samples
+            self.num_remembered = DiffDriveMotion.size(num_samples)
         outputs = {"cmd_vel_out": lambda state: state.cmd_vel_out}
         super().__init__(
             config,
@@ -543,8 +513,8 @@ class DiffDriveController(BaseController[DiffDriveState]):
 
     def remember(self, state: DiffDriveState) -> list[float]:
         """Return how the base moves, in numbers."""
-        numbers = DiffDriveMotion(state.limited, state.odometry).numbers
-        return numbers + [0.0] * (self.num_remembered - len(numbers))
+        motion = DiffDriveMotion(state.limited, state.odometry)
+        return motion.numbers(self.num_remembered)
 
     def _deactivate(self, now: UpdateContext, state: DiffDriveState) -> DiffDriveState:
         return state._replace(
