@@ -30,6 +30,7 @@ from arm_drake.controllers.controller_interface import (
     TickingController,
 )
 from arm_drake.controllers.cycles import (
+    NEVER_NS,
     STATE,
     Cycle,
     HardwareValues,
@@ -522,9 +523,11 @@ class SteadyCycles:
             for c, row in zip(controllers, self._rows, strict=True)
         ]
         # From then on cycles take the full way [ns].
-        self.until_ns = min([c.ticks.until_ns for c in controllers] or [0])
+        self.until_ns = min((c.ticks.until_ns for c in controllers), default=NEVER_NS)
         # Somebody has to tell something then [ns].
-        self.monitor_ns = min([c.ticks.monitor_ns for c in controllers] or [0])
+        self.monitor_ns = min(
+            (c.ticks.monitor_ns for c in controllers), default=NEVER_NS
+        )
         # What is on the ports meanwhile.
         self.inputs = base.cycle.inputs
 

@@ -700,6 +700,24 @@ def test_a_pid_ticks_steadily_where_nobody_commands_its_references(
     assert sim.joint_states().position[0] > 0.02
 
 
+BROADCAST = """
+controller_manager:
+  ros__parameters:
+    update_rate: 100
+    states: {type: joint_state_broadcaster/JointStateBroadcaster}
+"""
+
+
+def test_a_robot_whose_states_are_broadcast_alone_ticks_steadily(
+    count: Count, tmp_path: Path
+) -> None:
+    robot = models.load(tmp_path, models.GRIPPER, BROADCAST)
+    sim = ad.Simulation(ad.build_diagram(robot, world="void"))
+    sim.run(0.5)
+
+    assert count.num_steady == count.total - 1
+
+
 HAND = """
 controller_manager:
   ros__parameters:

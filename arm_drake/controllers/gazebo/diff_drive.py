@@ -163,7 +163,7 @@ class GazeboDriveState(NamedTuple):
     # Forwards [m/s], turning [rad/s]: what is asked for, and the last two that the
     # limits let through, the newest first.
     target: tuple[float, float] = _REST
-    limited: tuple[tuple[float, float], tuple[float, float]] = (_REST, _REST)
+    limited: tuple[Velocity, Velocity] = (_REST, _REST)
 
     # Whether commands are taken.
     is_enabled: bool = True
