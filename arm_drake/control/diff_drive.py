@@ -5,8 +5,10 @@ goes with v forwards [m/s] and w of turning [rad/s]; dt is the time of a step [s
 """
 
 import dataclasses as dc
+import itertools
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple, Self
 
 from arm_drake.control.odometry import PlanarPose, RollingMean, integrate_arc
 
@@ -25,6 +27,40 @@ class DiffDriveOdometryState(NamedTuple):
 
     # Last positions of the left and the right wheel [rad].
     positions: tuple[float, float] = (0.0, 0.0)
+
+
+class DiffDriveMotion(NamedTuple):
+    """How a base moves, as a tick leaves it."""
+
+    # The last two velocities that the limits let through, the newest first, forwards
+    # [m/s] and of turning [rad/s].
+    limited: tuple[tuple[float, ...], tuple[float, ...]]
+    odometry: DiffDriveOdometryState
+
+    @staticmethod
+    def size(num_samples: int) -> int:
+        """Return how many `numbers` there are with so many samples of the mean."""
+        return 14 + 2 * num_samples
+
+    def numbers(self, size: int) -> list[float]:
+        """Return all that is in it as so many numbers, zeros at the end."""
+        mean, *vectors = self.odometry
+        count = len(mean.samples)
+        sums = mean.sums or (0.0, 0.0)
+        numbers = itertools.chain(*self.limited, *vectors, sums, *mean.samples)
+        return [float(count), *numbers, *[0.0] * (size - self.size(count))]
+
+    @classmethod
+    def from_numbers(cls, numbers: Sequence[float], window: int) -> Self:
+        """Return it again; `window` is that of the mean."""
+        count, v0, w0, v1, w1, x, y, heading, *more = numbers
+        k = int(count)
+        pairs = zip(more[0::2], more[1::2], strict=True)
+        velocity, positions, sums, *samples = itertools.islice(pairs, 3 + k)
+        mean = RollingMean(window, tuple(samples), sums if k else ())
+        pose = PlanarPose(x, y, heading)
+        odometry = DiffDriveOdometryState(mean, pose, velocity, positions)
+        return cls(((v0, w0), (v1, w1)), odometry)
 
 
 @dc.dataclass(frozen=True)

@@ -40,7 +40,7 @@ from arm_drake.controllers.cycles import (
 from arm_drake.errors import InputError
 from arm_drake.messages import NANOSECONDS
 from arm_drake.python_system import PythonSystem
-from arm_drake.timing import cycle_at
+from arm_drake.timing import cycle_at, has_rate
 
 # Returns what a controller exports.
 _ReadExports = Callable[[Context], Array]
@@ -535,11 +535,20 @@ class TickingController(TickReader[S]):
 
     @property
     def is_direct(self) -> bool:
-        """Whether it needs no Context while nothing comes: see `reads_by_now`."""
+        """Whether it needs no Context while nothing comes: see `reads_by_now`.
+
+        While another controller commands its references it does need one.
+        """
         takes_motions = self._read_at is not None and not self.reads_all
-        takes = self.reference_interfaces or not takes_motions
         reads_by_now = vars(type(self)).get("reads_by_now", False)
-        return bool(self.params.is_managed and reads_by_now and not takes)
+        return bool(self.params.is_managed and reads_by_now and takes_motions)
+
+    @property
+    def whole_period_ns(self) -> int | None:
+        """Time between two ticks [ns]; None where it isn't always the same."""
+        rate = self.params.update_rate
+        is_whole = has_rate(self.params.period, rate) and NANOSECONDS % rate == 0
+        return NANOSECONDS // rate if is_whole else None
 
     def tick(self, cycle: Cycle, hardware: HardwareValues) -> UpdateResult[S]:
         """Return what a cycle leaves behind in which nothing comes.

@@ -126,15 +126,21 @@ NEVER_NS = 2**63
 
 
 class SteadyCommand(Generic[S]):
-    """Steady ticks that command the same for ever."""
+    """Steady ticks that command the same, for ever if nothing is said."""
 
-    until_ns = monitor_ns = NEVER_NS
+    monitor_ns = NEVER_NS
 
     def __init__(
-        self, command: Array, state: S, sense: Callable[[S, Array], S] | None = None
+        self,
+        command: Array,
+        state: S,
+        sense: Callable[[S, Array], S] | None = None,
+        *,
+        until_ns: int = NEVER_NS,
     ) -> None:
         """Create it; `sense` returns the state with what is measured, if any."""
         self._command, self._state, self._sense = command.tolist(), state, sense
+        self.until_ns = until_ns
 
     def tell(self, time_ns: int, last_ns: int, motions: Array) -> None:
         """Return None, for there is nothing to tell."""

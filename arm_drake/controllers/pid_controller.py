@@ -9,7 +9,7 @@ names are; here the names count.
 
 import dataclasses as dc
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
@@ -17,10 +17,22 @@ from numpy.typing import NDArray
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.control.pid import EPSILON, Pid, PidGains, PidState, adapt_saturation
+from arm_drake.control.pid import (
+    EPSILON,
+    Pid,
+    PidGains,
+    PidState,
+    PlainPids,
+    adapt_saturation,
+)
 from arm_drake.control.trajectory import shortest_angular_distance
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.cycles import UpdateContext
+from arm_drake.controllers.cycles import (
+    NEVER_NS,
+    SteadyTicks,
+    UpdateContext,
+    UpdateResult,
+)
 from arm_drake.controllers.topics import (
     CHAINED,
     Inbox,
@@ -218,11 +230,7 @@ class PidControl(Message):
         `dt` [s].
         """
         n, has_rate = len(self.save_i_term), self.has_rate
-        error = references - measured
-        if self.angle_wraparound is not None:
-            with np.errstate(invalid="ignore"):
-                turn = shortest_angular_distance(measured[:n], references[:n])
-            np.copyto(error[:n], turn, where=self.angle_wraparound)
+        error = self.find_error(references, measured)
         # The quickest way to see that all are finite.
         if not math.isfinite(sum(error.tolist())):
             return self._step_some(state, references, measured, error, dt)
@@ -231,11 +239,25 @@ class PidControl(Message):
         else:
             rate = error[n:] if has_rate else None
             pid = self.pid.step(state.pid, error[:n], dt, rate)
-        command = pid.command
-        if self.feedforward_gain is not None:
-            source = references[n:] if has_rate else references
-            command = command + self.feedforward_gain * source
+        command = self.add_feedforward(pid.command, references)
         return PidControlState(pid, references, measured, error, command, command)
+
+    def find_error(self, references: Array, measured: Array) -> Array:
+        """Return references minus measurements, angles wrapped."""
+        error = references - measured
+        if self.angle_wraparound is not None:
+            n = len(self.save_i_term)
+            with np.errstate(invalid="ignore"):
+                turn = shortest_angular_distance(measured[:n], references[:n])
+            np.copyto(error[:n], turn, where=self.angle_wraparound)
+        return error
+
+    def add_feedforward(self, command: Array, references: Array) -> Array:
+        """Return what PIDs command, shape (n,), and what references add to it."""
+        if self.feedforward_gain is None:
+            return command
+        source = references[len(command) :] if self.has_rate else references
+        return command + self.feedforward_gain * source
 
     def _step_some(
         self,
@@ -255,11 +277,8 @@ class PidControl(Message):
         for steps, rate in ((has_rate, error[n:]), (is_known & ~has_rate, None)):
             if steps.any():
                 pid = self.pid.step(pid, error[:n], dt, rate, where=steps)
-        command = pid.command
-        if self.feedforward_gain is not None:
-            source = references[n:] if self.has_rate else references
-            known = np.where(np.isfinite(source), source, 0.0)
-            command = command + self.feedforward_gain * known
+        known = np.where(np.isfinite(references), references, 0.0)
+        command = self.add_feedforward(pid.command, known)
         command = np.where(is_known, command, np.nan)
         output = np.where(is_known, command, state.output)
         return PidControlState(pid, references, measured, error, command, output)
@@ -371,6 +390,59 @@ class PidControllerState(NamedTuple):
         return self.control.command
 
 
+class _SteadyPids:
+    """Ticks of PIDs that take measurements to the same finite references."""
+
+    until_ns = monitor_ns = NEVER_NS
+
+    def __init__(
+        self,
+        last: PidControllerState,
+        period_ns: int,
+        measure: Callable[[PidControllerState, Array], Array],
+    ) -> None:
+        """Take what a tick has left; `measure` finds measurements in the motions."""
+        self._last, self._period_ns, self._measure = last, period_ns, measure
+        self._pids = PlainPids(last.rules.pid, period_ns / NANOSECONDS)
+
+    def tell(self, time_ns: int, last_ns: int, motions: Array) -> None:
+        """Return None, for there is nothing to tell."""
+        del time_ns, last_ns, motions
+        return None
+
+    def command(
+        self, time_ns: int, motions: Array, memory: list[float]
+    ) -> list[float] | None:
+        """Return the values that a tick commands; None where one isn't finite."""
+        del time_ns
+        rules, references = self._last.rules, self._last.control.references
+        error = rules.find_error(references, self._measure(self._last, motions))
+        errors, rates = error.tolist(), None
+        if rules.has_rate:
+            n = len(errors) // 2
+            errors, rates = errors[:n], errors[n:]
+        command = self._pids.step(memory, errors, rates)
+        if command is None:
+            return None
+        if rules.feedforward_gain is not None:
+            command = rules.add_feedforward(np.array(command), references).tolist()
+        return command if math.isfinite(sum(command)) else None
+
+    def state(
+        self, time_ns: int, motions: Array, memory: Sequence[float]
+    ) -> PidControllerState:
+        """Return the state that a tick leaves behind."""
+        last = self._last
+        references, measured = last.control.references, self._measure(last, motions)
+        pid = PidState(*np.split(np.array(memory), len(PidState._fields)))
+        command = last.rules.add_feedforward(pid.command, references)
+        error = last.rules.find_error(references, measured)
+        control = PidControlState(pid, references, measured, error, command, command)
+        return last._replace(
+            control=control, time_ns=time_ns, period_ns=self._period_ns
+        )
+
+
 class PidController(TopicController[PidControllerState]):
     """Takes measurements to references with a PID for each degree of freedom.
 
@@ -405,12 +477,15 @@ class PidController(TopicController[PidControllerState]):
     service `set_feedforward_control` is the parameter ``enable_feedforward``.
     """
 
+    reads_by_now = True
+
     def __init__(
         self,
         parameters: PidControllerParameters,
         params: ControllerInterfaceParams,
     ) -> None:
         """Create the system."""
+        self.num_remembered = len(PidState._fields) * len(parameters.dof_names)
         names = parameters.reference_and_state_interfaces
         self._dofs = parameters.reference_and_state_dof_names or parameters.dof_names
         self._has_rate = len(names) == 2
@@ -455,7 +530,7 @@ class PidController(TopicController[PidControllerState]):
         requested = state.requested if chained is None else chained
         if requested is not None:
             references = np.where(np.isnan(requested), references, requested)
-        measured = state.external if self._is_external else self._read(now.context)
+        measured = state.external if self._is_external else self._measured_now(now)
         period = now.period_ns / NANOSECONDS
         return state._replace(
             control=state.rules.step(state.control, references, measured, period),
@@ -463,6 +538,25 @@ class PidController(TopicController[PidControllerState]):
             time_ns=now.time_ns,
             period_ns=now.period_ns,
         )
+
+    def steady(
+        self, last: UpdateResult[PidControllerState], time_ns: int
+    ) -> SteadyTicks[PidControllerState] | None:
+        """Return how it goes on with its references where all of them are finite."""
+        period_ns, state = self.whole_period_ns, last.state
+        is_plain = PlainPids.are_plain(state.rules.pid)
+        if period_ns is None or state.time_ns != time_ns or not is_plain:
+            return None
+        if not math.isfinite(sum(state.control.references.tolist())):
+            return None
+        return _SteadyPids(state, period_ns, self._find_measured)
+
+    def remember(self, state: PidControllerState) -> list[float]:
+        """Return what PIDs remember."""
+        return [number for field in state.control.pid for number in field.tolist()]
+
+    def _find_measured(self, state: PidControllerState, motions: Array) -> Array:
+        return state.external if self._is_external else motions[self._read_at]
 
     def _take_references(
         self,

@@ -30,6 +30,7 @@ from arm_drake.controllers.controller_interface import (
     TickingController,
 )
 from arm_drake.controllers.cycles import (
+    NEVER_NS,
     STATE,
     Cycle,
     HardwareValues,
@@ -372,7 +373,10 @@ class TickKeeper:
             if isinstance(system, TickingController) and system.params.is_managed
         }
         self.inboxes = [member.inbox for member in self._members.values()]
-        self.are_direct = all(member.is_direct for member in self._members.values())
+        self.are_direct = all(
+            member.is_direct and not member.system.reference_interfaces
+            for member in self._members.values()
+        )
 
     def connect(self, builder: DiagramBuilder, system: TickingController[Any]) -> None:
         """Connect the ports of a controller that is in the builder."""
@@ -410,6 +414,7 @@ class TickKeeper:
             if name not in asleep:
                 if (
                     member.is_direct
+                    and name not in cycle.chained
                     and cycle.commands is None
                     and result.inputs is inputs
                 ):
@@ -434,7 +439,8 @@ class TickKeeper:
         """
         awake = [m for name, m in self._members.items() if name not in state.asleep]
         for member in awake:
-            if not member.is_direct or member.name not in state.active:
+            is_alone = member.name in state.active and member.name not in state.chained
+            if not (member.is_direct and is_alone):
                 return None
         return tuple((member.name, member.system) for member in awake)
 
@@ -517,9 +523,11 @@ class SteadyCycles:
             for c, row in zip(controllers, self._rows, strict=True)
         ]
         # From then on cycles take the full way [ns].
-        self.until_ns = min([c.ticks.until_ns for c in controllers] or [0])
+        self.until_ns = min((c.ticks.until_ns for c in controllers), default=NEVER_NS)
         # Somebody has to tell something then [ns].
-        self.monitor_ns = min([c.ticks.monitor_ns for c in controllers] or [0])
+        self.monitor_ns = min(
+            (c.ticks.monitor_ns for c in controllers), default=NEVER_NS
+        )
         # What is on the ports meanwhile.
         self.inputs = base.cycle.inputs
 

@@ -111,6 +111,9 @@ def is_started(expected: Mapping[str, Any]) -> bool:
 class OpenLoop:
     """A controller of a case, and the input ports that the case drives."""
 
+    # Whether a manager keeps the controller's state.
+    is_managed = False
+
     def __init__(
         self,
         inputs: Mapping[str, Any],
@@ -141,6 +144,11 @@ class OpenLoop:
         self._handlers = dict(handlers or {})
         self._parameters = numbers(inputs["params"])
         self.system = self._make_system()
+        self.start()
+
+    def start(self) -> None:
+        """Get the controller ready for its first cycle."""
+        inputs, expected = self.case_input, self.expected
         self._chain = self._add_predecessor() if inputs.get("chained") else None
         self._values = None
         if isinstance(self.system, TickingController):
@@ -299,6 +307,7 @@ class OpenLoop:
                 ),
                 measured=(*simulated, *others),
                 distro=self._distro,
+                is_managed=self.is_managed,
             ),
         )
 

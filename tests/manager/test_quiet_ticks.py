@@ -9,7 +9,7 @@ import functools
 from collections import defaultdict
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -23,6 +23,7 @@ from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.control.trajectory import Sample
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.joint_trajectory.controller import JointTrajectoryController
+from arm_drake.description.bundled import configs_folder
 from arm_drake.description.report import LoadReport
 from arm_drake.manager import ControllerManager
 from arm_drake.manager.controller_manager import SWITCH_PORT
@@ -34,12 +35,16 @@ from arm_drake.messages import (
     GripperCommandGoal,
     JointTrajectory,
     JointTrajectoryPoint,
+    SetOdometry,
     SwitchController,
+    TwistStamped,
 )
 from arm_drake.messages.control import GripperCommand
-from tests import models
+from tests import carts, models
 from tests.conformance.jtc_players import NAME, Dict, Player, flatten, load
+from tests.conformance.open_loop import OpenLoop, is_started
 from tests.conformance.test_oracle_jtc_scenarios import INPUTS, OUTPUTS, REPLAYED
+from tests.oracle import oracle_cases
 from tests.robots import skip_or_fail
 
 JOINTS = tuple(f"joint{i}" for i in range(1, 7))
@@ -155,6 +160,67 @@ def count(monkeypatch: pytest.MonkeyPatch) -> Count:
     return counted
 
 
+class Managed:
+    """A controller with a manager, and nothing else."""
+
+    def __init__(self, system: Any, claims: tuple[str, ...], status: str) -> None:
+        self.system, params = system, system.params
+        joints, rate = tuple(params.joint_types), params.update_rate
+        basic = interfaces.interface_names(joints, interfaces.STATE_INTERFACES)
+        robot: Any = SimpleNamespace(
+            controllers=SimpleNamespace(update_rate=rate, controllers=()),
+            distro=params.distro,
+        )
+        offered = HardwareInterfaces(
+            params.joint_types,
+            claims,
+            params.measured,
+            dict.fromkeys(joints, 0.0),
+            sensed=tuple(n for n in params.measured if n not in basic),
+        )
+        builder = DiagramBuilder()
+        self.manager = ControllerManager(
+            robot,
+            [LoadedController(params.controller_name, "", status, system)],
+            LoadReport(),
+            prefix="",
+            period=params.period,
+            log_period=params.period,
+            drive=DriveCommands(joints, claims, velocity_lead=0.05),
+            hardware_interfaces=offered,
+        )
+        builder.AddSystem(self.manager)
+        builder.AddSystem(system)
+        self.manager.add_controller(builder, system)
+        for part in (self.manager, system):
+            for index in range(part.num_input_ports()):
+                port = part.get_input_port(index)
+                if not builder.IsConnectedOrExported(port):
+                    name = f"{part.get_name()}.{port.get_name()}"
+                    builder.ExportInput(port, name)
+        self.manager.set_name("manager")
+        self.diagram = builder.Build()
+        self.simulator = Simulator(self.diagram)
+        self.simulator.Initialize()
+        root = self.simulator.get_mutable_context()
+        self.context = system.GetMyMutableContextFromRoot(root)
+
+    def fix(self, system: Any, port: str, value: Any) -> None:
+        context = system.GetMyMutableContextFromRoot(
+            self.simulator.get_mutable_context()
+        )
+        if system.HasInputPort(port):
+            system.GetInputPort(port).FixValue(context, value)
+
+    def measure(self, measured: list[float]) -> None:
+        """Put what is measured on all ports, in the order of the controller's own."""
+        J = len(self.system.params.joint_types)
+        size = self.system.GetInputPort(interfaces.STATE_PORT).size()
+        self.fix(self.system, interfaces.STATE_PORT, measured[:size])
+        self.fix(self.manager, interfaces.STATE_PORT, measured[: 3 * J])
+        self.fix(self.manager, interfaces.MOTIONS_PORT, measured[: 2 * J])
+
+
 class ManagedPlayer(Player):
     """Replays a scenario with a controller and its manager.
 
@@ -183,48 +249,8 @@ class ManagedPlayer(Player):
         )
         self.system = JointTrajectoryController(load(self.flat, distro), params)
         status = "active" if self.is_active else "inactive"
-        robot: Any = SimpleNamespace(
-            controllers=SimpleNamespace(update_rate=rate, controllers=()), distro=distro
-        )
-        joints = tuple(self.joint_types)
-        offered = HardwareInterfaces(
-            self.joint_types,
-            tuple(self.claimed),
-            tuple(output["state_interfaces"]),
-            dict.fromkeys(joints, 0.0),
-            sensed=tuple(others),
-        )
-        builder = DiagramBuilder()
-        manager = ControllerManager(
-            robot,
-            [LoadedController(NAME, "", status, self.system)],
-            LoadReport(),
-            prefix="",
-            period=self.period,
-            log_period=self.period,
-            drive=DriveCommands(joints, tuple(self.claimed), velocity_lead=0.05),
-            hardware_interfaces=offered,
-        )
-        self.manager = builder.AddSystem(manager)
-        builder.AddSystem(self.system)
-        manager.add_controller(builder, self.system)
-        for system in (manager, self.system):
-            for index in range(system.num_input_ports()):
-                port = system.get_input_port(index)
-                if not builder.IsConnectedOrExported(port):
-                    name = f"{system.get_name()}.{port.get_name()}"
-                    builder.ExportInput(port, name)
-        manager.set_name("manager")
-        self.diagram = builder.Build()
-        self.simulator = Simulator(self.diagram)
-        self.simulator.Initialize()
-
-    def fix(self, system: Any, port: str, value: Any) -> None:
-        context = system.GetMyMutableContextFromRoot(
-            self.simulator.get_mutable_context()
-        )
-        if system.HasInputPort(port):
-            system.GetInputPort(port).FixValue(context, value)
+        self.managed = Managed(self.system, tuple(self.claimed), status)
+        self.fix = self.managed.fix
 
     def run(self, k: int, time_ns: int, events: list[Dict]) -> None:
         inputs: defaultdict[str, list[Any]] = defaultdict(list)
@@ -243,7 +269,7 @@ class ManagedPlayer(Player):
                 if message is not None:
                     inputs[message[0]].append(message[1])
         for field, system, port in (
-            ("switch", self.manager, SWITCH_PORT),
+            ("switch", self.managed.manager, SWITCH_PORT),
             ("topics", self.system, "joint_trajectory"),
             ("requests", self.system, "follow_joint_trajectory"),
             ("scaling_factors", self.system, "speed_scaling_input"),
@@ -251,13 +277,8 @@ class ManagedPlayer(Player):
             if field in inputs:
                 self.fix(system, port, AbstractValue.Make(tuple(inputs[field])))
         state, order = self.measured(k), self.system.params.measured
-        measured = [state.get(name, 0.0) for name in order]
-        J = len(self.joint_types)
-        size = self.system.GetInputPort(interfaces.STATE_PORT).size()
-        self.fix(self.system, interfaces.STATE_PORT, measured[:size])
-        self.fix(self.manager, interfaces.STATE_PORT, measured[: 3 * J])
-        self.fix(self.manager, interfaces.MOTIONS_PORT, measured[: 2 * J])
-        self.simulator.AdvanceTo((k + 0.5) * self.period)
+        self.managed.measure([state.get(name, 0.0) for name in order])
+        self.managed.simulator.AdvanceTo((k + 0.5) * self.period)
 
 
 @pytest.mark.parametrize(
@@ -286,6 +307,57 @@ def test_scenarios_of_upstream_are_the_same_both_ways(
 
     assert count.share > 0.6, count
     assert count.num_steady > 10 * len(names)
+
+
+class ManagedLoop(OpenLoop):
+    """Replays a case with a controller and its manager, whose clock it has."""
+
+    is_managed = True
+
+    def start(self) -> None:
+        claims = tuple(self.expected["command_interfaces"])
+        self.managed = Managed(self.system, claims, "active")
+        self.context = self.managed.context
+
+    def play(self) -> None:
+        period, name = self.system.params.period, (self.name,)
+        rows = self.expected.get("state", [])
+        for cycle in range(len(self.expected["t_ns"])):
+            self._sent, requests = {}, []
+            self.time_ns = round(1e9 * cycle * period)
+            for event in self.case_input.get("events", ()):
+                if event["cycle"] != cycle:
+                    continue
+                if event["type"] == "activate":
+                    requests.append(SwitchController(name, ()))
+                elif event["type"] == "deactivate":
+                    requests.append(SwitchController((), name))
+                else:
+                    self._do(event)
+            if requests:
+                value = AbstractValue.Make(tuple(requests))
+                self.managed.fix(self.managed.manager, SWITCH_PORT, value)
+            for port, messages in self._sent.items():
+                self.managed.fix(self.system, port, AbstractValue.Make(messages))
+            measured = np.zeros(len(self.system.params.measured))
+            if rows:
+                measured[self._find_measured()] = np.array(rows[cycle], dtype=float)
+            self.managed.measure(measured.tolist())
+            self.managed.simulator.AdvanceTo((cycle + 0.5) * period)
+
+
+@pytest.mark.parametrize(
+    ("kind", "share"),
+    [("controller_diff_drive", 0.9), ("controller_pid_controller", 0.95)],
+)
+def test_cases_of_upstream_are_the_same_both_ways(
+    count: Count, kind: str, share: float
+) -> None:
+    for case in oracle_cases(kind):
+        if is_started(case["output"]) and not case["input"].get("chained"):
+            ManagedLoop(case["input"], case["output"]).play()
+
+    assert count.steady_share > share, count
 
 
 def simulate() -> ad.Simulation:
@@ -496,6 +568,156 @@ def test_pids_of_a_trajectory_tick_steadily(
     assert sim.joint_states().position[0] > 0.1
 
 
+def simulate_base(
+    folder: Path, text: str, preset: Literal["accurate", "kinematic"] = "accurate"
+) -> ad.Simulation:
+    """Return a base whose controller has further parameters."""
+    source = configs_folder() / "wheeled_base"
+    file = folder / "controllers.yaml"
+    config = (source / "diff_drive_controllers.yaml").read_text(encoding="utf-8")
+    file.write_text(f"{config}    {text}", encoding="utf-8")
+    robot = ad.load_robot(source / "diff_drive.urdf", controllers=file)
+    options = ad.SimulationOptions(preset=preset)
+    return ad.Simulation(ad.build_diagram(robot, options=options))
+
+
+def twist(v: float, w: float) -> TwistStamped:
+    return TwistStamped(twist={"linear": {"x": v}, "angular": {"z": w}})
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "publish_limited_velocity: true",
+        "open_loop: true",
+        "position_feedback: false\n    linear.x.max_jerk: 3.0",
+        "linear: {x: {max_velocity: 0.3, max_acceleration: 0.5, max_jerk: 3.0}}",
+    ],
+)
+def test_a_base_ticks_steadily_until_its_command_is_too_old(
+    count: Count, tmp_path: Path, text: str
+) -> None:
+    sim = simulate_base(tmp_path, text)
+    sim.run(0.2)
+    sim.topic("/base/cmd_vel").publish(twist(0.4, 0.3))
+    sim.run(0.3)
+    sim.mailbox.publish("base.set_odometry", SetOdometry(1.0, 2.0, 0.5), sim.time)
+    num_full = count.num_full
+    sim.run(0.1)
+    assert count.num_full == num_full + 1
+    sim.run(1.0)
+
+    # The pose; the velocity that is too old; of the first one nothing had come yet.
+    assert count.num_full + count.num_quiet == num_full + 2
+    assert count.steady_share > 0.95, count
+    assert sim.topic("/base/odom").value().pose.pose.position.x > 1.0
+
+
+def test_a_base_goes_on_from_the_middle_of_steady_ticks(
+    count: Count, tmp_path: Path
+) -> None:
+    text = "linear: {x: {max_acceleration: 0.5}}"
+    # Without contacts, whose shapes have other numbers in each diagram.
+    sim = simulate_base(tmp_path, text, "kinematic")
+    sim.topic("/base/cmd_vel").publish(twist(0.4, 0.3))
+    sim.advance_to(0.253)
+    saved = sim.simulator.get_context().Clone()
+    sim.advance_to(0.953)
+    expected = read_state(sim.simulator)
+
+    sim.simulator.reset_context(saved.Clone())
+    sim.advance_to(0.953)
+    assert read_state(sim.simulator) == expected
+
+    rebuilt = Simulator(simulate_base(tmp_path, text, "kinematic").diagram)
+    rebuilt.get_mutable_context().SetTimeStateAndParametersFrom(saved)
+    rebuilt.AdvanceTo(0.953)
+    assert read_state(rebuilt) == expected
+    assert count.steady_share > 0.95, count
+
+
+def test_gazebo_s_base_ticks_steadily_between_its_odometry(
+    count: Count, tmp_path: Path
+) -> None:
+    drive = carts.diff_drive(("max_acceleration", 0.8), ("odom_publish_frequency", 20))
+    robot = carts.load(tmp_path, carts.cart(drive))
+    sim = ad.Simulation(ad.build_diagram(robot))
+    sim.run(0.1)
+    sim.topic("/model/cart/cmd_vel").publish(twist(0.4, 0.3).twist)
+    sim.run(0.4)
+
+    assert count.steady_share > 0.97, count
+    assert sim.topic("/model/cart/odometry").value().pose.pose.position.x > 0.03
+
+
+CHAIN = """
+controller_manager:
+  ros__parameters:
+    update_rate: 200
+    inner: {{type: pid_controller/PidController}}
+    outer: {{type: forward_command_controller/ForwardCommandController}}
+inner:
+  ros__parameters:
+    dof_names: [swing]
+    command_interface: effort
+    reference_and_state_interfaces: [{names}]
+    gains: {{swing: {{p: 60.0, i: 90.0, d: 8.0, {more}}}}}
+outer: {{ros__parameters: {{joints: [inner/swing], interface_name: position}}}}
+"""
+
+
+@pytest.mark.parametrize("names", ["position", "position, velocity"])
+@pytest.mark.parametrize(
+    "more",
+    [
+        "feedforward_gain: 2.0, angle_wraparound: true",
+        "u_clamp_max: 3.0, u_clamp_min: -3.0, antiwindup_strategy: back_calculation",
+    ],
+)
+def test_a_pid_ticks_steadily_where_nobody_commands_its_references(
+    count: Count, tmp_path: Path, names: str, more: str
+) -> None:
+    control = models.ros2_control("swing", command="effort")
+    config = CHAIN.format(names=names, more=more)
+    robot = models.load(tmp_path, models.pendulum(control=control), config)
+    sim = ad.Simulation(ad.build_diagram(robot, world="void"))
+    sim.controller("outer").command([0.3])
+    sim.run(0.2)
+    assert count.num_full == count.total
+
+    sim.switch_controllers(deactivate=("outer",))
+    sim.run(0.2)
+    sim.controller("inner").command([0.6])
+    sim.run(0.2)
+    num_full = count.num_full
+
+    # The switch and the message.
+    assert count.total - num_full == 80 - 2
+    assert count.num_steady > 70
+    sim.switch_controllers(activate=("outer",))
+    sim.run(0.1)
+    assert count.num_full == num_full + 20
+    assert sim.joint_states().position[0] > 0.02
+
+
+BROADCAST = """
+controller_manager:
+  ros__parameters:
+    update_rate: 100
+    states: {type: joint_state_broadcaster/JointStateBroadcaster}
+"""
+
+
+def test_a_robot_whose_states_are_broadcast_alone_ticks_steadily(
+    count: Count, tmp_path: Path
+) -> None:
+    robot = models.load(tmp_path, models.GRIPPER, BROADCAST)
+    sim = ad.Simulation(ad.build_diagram(robot, world="void"))
+    sim.run(0.5)
+
+    assert count.num_steady == count.total - 1
+
+
 HAND = """
 controller_manager:
   ros__parameters:
@@ -515,3 +737,6 @@ def test_a_gripper_ticks_quietly(count: Count, tmp_path: Path) -> None:
     assert goal.status.is_terminal
     assert goal.result is not None
     assert count.share > 0.9
+    num_steady = count.num_steady
+    sim.run(0.2)
+    assert count.num_steady == num_steady + 20

@@ -7,6 +7,7 @@ odometry are `arm_drake.control.diff_drive`.
 
 import dataclasses as dc
 import math
+from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.control.diff_drive import (
     DiffDriveKinematics,
+    DiffDriveMotion,
     DiffDriveOdometryState,
     from_commands,
 )
@@ -30,7 +32,13 @@ from arm_drake.controllers.bases.base import (
     make_limiter,
 )
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.cycles import UpdateContext
+from arm_drake.controllers.cycles import (
+    NEVER_NS,
+    SteadyCommand,
+    SteadyTicks,
+    UpdateContext,
+    UpdateResult,
+)
 from arm_drake.controllers.topics import CHAINED, Inbox, check_change
 from arm_drake.description.parameters import (
     ParameterGroup,
@@ -215,6 +223,9 @@ def make_settings(parameters: DiffDriveControllerParameters) -> DiffDriveSetting
 _UNKNOWN = (math.nan, math.nan)
 _REST = (0.0, 0.0)
 
+# Of how many samples of a mean steady ticks take care.
+_MAX_SAMPLES = 100
+
 
 class DiffDriveState(NamedTuple):
     """State of a DiffDriveController between two ticks."""
@@ -247,6 +258,55 @@ class DiffDriveState(NamedTuple):
     cmd_vel_out: TwistStamped = TwistStamped()
 
 
+class _SteadyDrive:
+    """Ticks of a base with the same reference, while its wheels are measured."""
+
+    monitor_ns = NEVER_NS
+
+    def __init__(
+        self,
+        system: "DiffDriveController",
+        last: DiffDriveState,
+        period_ns: int,
+        until_ns: int,
+    ) -> None:
+        """Take what a tick has left, and whose ticks these are."""
+        self._system, self._last, self.until_ns = system, last, until_ns
+        self._dt = period_ns / NANOSECONDS
+        self._window = last.odometry.mean.window
+
+    def tell(self, time_ns: int, last_ns: int, motions: Array) -> None:
+        """Return None, for there is nothing to tell."""
+        del time_ns, last_ns, motions
+        return None
+
+    def command(
+        self, time_ns: int, motions: Array, memory: list[float]
+    ) -> list[float] | None:
+        """Return the velocities of the wheels; None where a position isn't finite."""
+        del time_ns
+        system, settings, dt = self._system, self._last.settings, self._dt
+        limited, odometry = DiffDriveMotion.from_numbers(memory, self._window)
+        velocity = limit_velocity(settings.limiters, self._last.reference, limited, dt)
+        sides = _REST
+        if not settings.parameters.open_loop:
+            sides = system._find_sides(motions[system._read_at])
+            if not math.isfinite(sum(sides)):
+                return None
+        odometry = system._integrate(settings, odometry, velocity, sides, dt)
+        motion = DiffDriveMotion((velocity, limited[0]), odometry)
+        memory[:] = motion.numbers(len(memory))
+        return system._find_command(settings, velocity)
+
+    def state(
+        self, time_ns: int, motions: Array, memory: Sequence[float]
+    ) -> DiffDriveState:
+        """Return the state that a tick leaves behind."""
+        limited, odometry = DiffDriveMotion.from_numbers(memory, self._window)
+        state = self._last._replace(limited=limited, odometry=odometry)
+        return self._system._show(state, time_ns)
+
+
 class DiffDriveController(BaseController[DiffDriveState]):
     """Turns wheels so that a base with differential drive moves as it is told.
 
@@ -269,6 +329,8 @@ class DiffDriveController(BaseController[DiffDriveState]):
     References: `<name>/linear/velocity` [m/s] and `<name>/angular/velocity` [rad/s].
     """
 
+    reads_by_now = True
+
     def __init__(
         self,
         parameters: DiffDriveControllerParameters,
@@ -285,6 +347,9 @@ class DiffDriveController(BaseController[DiffDriveState]):
         # Those of the odometry stay as they are.
         self._kinematics = settings.kinematics
         mean = RollingMean(config.velocity_rolling_window_size)
+        num_samples = 0 if config.open_loop else mean.window
+        if num_samples <= _MAX_SAMPLES:
+            self.num_remembered = DiffDriveMotion.size(num_samples)
         outputs = {"cmd_vel_out": lambda state: state.cmd_vel_out}
         super().__init__(
             config,
@@ -360,43 +425,96 @@ class DiffDriveController(BaseController[DiffDriveState]):
 
     def _move(self, now: UpdateContext, state: DiffDriveState) -> DiffDriveState:
         """Return the state after a tick with a reference."""
-        dt = now.period_ns / NANOSECONDS
+        dt, settings = now.period_ns / NANOSECONDS, state.settings
         limited, old = state.limited, state.odometry
-        parameters, limiters, kinematics = state.settings
-        v, w = limit_velocity(limiters, state.reference, limited, dt)
-        state = state._replace(limited=((v, w), limited[0]))
-        left = right = 0.0
-        if not parameters.open_loop:
-            measured = self._read(now.context)
+        velocity = limit_velocity(settings.limiters, state.reference, limited, dt)
+        limited = (velocity, limited[0])
+        sides = _REST
+        if not settings.parameters.open_loop:
+            measured = self._measured_now(now)
             if not np.isfinite(measured).all():
                 bad = np.flatnonzero(~np.isfinite(measured))[0]
                 fault = f"{self.state_interfaces[bad]!r} is {measured[bad]}"
                 nothing = np.full(len(state.command), np.nan)
-                return state._replace(command=nothing, fault=fault)
-            left = float(measured[: self._num_left].mean())
-            right = float(measured[self._num_left :].mean())
-        is_published = True
+                return state._replace(limited=limited, command=nothing, fault=fault)
+            sides = self._find_sides(measured)
         if state.pose is not None:
             odometry = old._replace(
                 pose=state.pose, velocity=_REST, mean=old.mean.clear()
             )
-        elif parameters.open_loop:
-            odometry = from_commands(old, v, w, dt)
         else:
-            move = self._kinematics.from_velocities
-            if parameters.position_feedback:
-                move = self._kinematics.from_positions
-            odometry = move(old, left, right, dt)
-            is_published = odometry is not old
-        command = np.repeat(kinematics.wheels(v, w), self._num_left)
-        state = state._replace(pose=None, odometry=odometry, command=command)
-        if is_published:
-            state = state._replace(time_ns=now.time_ns)
-        if parameters.publish_limited_velocity:
+            odometry = self._integrate(settings, old, velocity, sides, dt)
+        time_ns = state.time_ns
+        # Closed loop without a period nothing is published.
+        if odometry is not old:
+            time_ns = now.time_ns
+        state = state._replace(pose=None, limited=limited, odometry=odometry)
+        return self._show(state, now.time_ns)._replace(time_ns=time_ns)
+
+    def _find_sides(self, measured: Array) -> tuple[float, float]:
+        """Return the means of what is measured of left and right wheels."""
+        sums = np.add.reduce(measured.reshape(2, self._num_left), axis=1)
+        left, right = (sums / self._num_left).tolist()
+        return left, right
+
+    def _integrate(
+        self,
+        settings: DiffDriveSettings,
+        old: DiffDriveOdometryState,
+        velocity: Velocity,
+        sides: tuple[float, float],
+        dt: float,
+    ) -> DiffDriveOdometryState:
+        """Return the odometry after a tick; the old one itself if it stays."""
+        if settings.parameters.open_loop:
+            v, w = velocity
+            return from_commands(old, v, w, dt)
+        move = self._kinematics.from_velocities
+        if settings.parameters.position_feedback:
+            move = self._kinematics.from_positions
+        return move(old, *sides, dt)
+
+    def _find_command(
+        self, settings: DiffDriveSettings, velocity: Velocity
+    ) -> list[float]:
+        """Return the velocities of the wheels [rad/s], left ones first."""
+        v, w = velocity
+        left, right = settings.kinematics.wheels(v, w)
+        return [left] * self._num_left + [right] * self._num_left
+
+    def _show(self, state: DiffDriveState, time_ns: int) -> DiffDriveState:
+        """Return the state with what follows from its motion: command and topics."""
+        velocity = state.limited[0]
+        command = np.array(self._find_command(state.settings, velocity))
+        state = state._replace(command=command, time_ns=time_ns)
+        if state.settings.parameters.publish_limited_velocity:
+            v, w = velocity
             twist = Twist(Vector3(v), Vector3(0.0, 0.0, w))
-            header = Header.from_nanoseconds(now.time_ns)
+            header = Header.from_nanoseconds(time_ns)
             state = state._replace(cmd_vel_out=TwistStamped(header, twist))
         return state
+
+    def steady(
+        self, last: UpdateResult[DiffDriveState], time_ns: int
+    ) -> SteadyTicks[DiffDriveState] | None:
+        """Return how it goes on with its reference until that is too old."""
+        period_ns, state = self.whole_period_ns, last.state
+        until_ns, received = NEVER_NS, state.received
+        if received is None or not (period_ns and self.num_remembered):
+            return None
+        too_old_ns = received.stamp_ns + self._timeout_ns + 1
+        if self._timeout_ns and too_old_ns > time_ns:
+            until_ns = too_old_ns
+        if not all(map(math.isfinite, state.reference)):
+            return SteadyCommand(last.command, state, until_ns=until_ns)
+        if state.pose is not None:
+            return None
+        return _SteadyDrive(self, state, period_ns, until_ns)
+
+    def remember(self, state: DiffDriveState) -> list[float]:
+        """Return how the base moves, in numbers."""
+        motion = DiffDriveMotion(state.limited, state.odometry)
+        return motion.numbers(self.num_remembered)
 
     def _deactivate(self, now: UpdateContext, state: DiffDriveState) -> DiffDriveState:
         return state._replace(

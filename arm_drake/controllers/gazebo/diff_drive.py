@@ -16,16 +16,26 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.control.diff_drive import DiffDriveKinematics, DiffDriveOdometryState
+from arm_drake.control.diff_drive import (
+    DiffDriveKinematics,
+    DiffDriveMotion,
+    DiffDriveOdometryState,
+)
 from arm_drake.control.odometry import PlanarPose, RollingMean
 from arm_drake.controllers.bases.base import (
     BaseFrames,
+    Velocity,
     diagonal,
     make_odometry,
     make_transform,
 )
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.cycles import UpdateContext
+from arm_drake.controllers.cycles import (
+    NEVER_NS,
+    SteadyTicks,
+    UpdateContext,
+    UpdateResult,
+)
 from arm_drake.controllers.gazebo.plugin import (
     drive_topics,
     find_twist_fault,
@@ -153,7 +163,7 @@ class GazeboDriveState(NamedTuple):
     # Forwards [m/s], turning [rad/s]: what is asked for, and the last two that the
     # limits let through, the newest first.
     target: tuple[float, float] = _REST
-    limited: tuple[tuple[float, float], tuple[float, float]] = (_REST, _REST)
+    limited: tuple[Velocity, Velocity] = (_REST, _REST)
 
     # Whether commands are taken.
     is_enabled: bool = True
@@ -166,6 +176,47 @@ class GazeboDriveState(NamedTuple):
     published_ns: int = 0
 
     inbox: Inbox = Inbox()
+
+
+class _SteadyDrive:
+    """Ticks of a base that aims at the same velocity and publishes nothing."""
+
+    monitor_ns = NEVER_NS
+
+    def __init__(
+        self, system: "DiffDrive", last: GazeboDriveState, period_ns: int
+    ) -> None:
+        """Take what a tick has left, and whose ticks these are."""
+        self._system, self._last, self._dt = system, last, period_ns / NANOSECONDS
+        self.until_ns = last.published_ns + system._period_ns
+
+    def tell(self, time_ns: int, last_ns: int, motions: Array) -> None:
+        """Return None, for there is nothing to tell."""
+        del time_ns, last_ns, motions
+        return None
+
+    def command(
+        self, time_ns: int, motions: Array, memory: list[float]
+    ) -> list[float] | None:
+        """Return the velocities of the wheels; None where a position isn't finite."""
+        del time_ns
+        system, dt = self._system, self._dt
+        limited, odometry = DiffDriveMotion.from_numbers(memory, _WINDOW)
+        limited = system._limit(self._last.target, limited, dt)
+        left, right = motions[system._read_at].tolist()
+        if not math.isfinite(left + right):
+            return None
+        odometry = system._kinematics.from_positions(odometry, left, right, dt)
+        memory[:] = DiffDriveMotion(limited, odometry).numbers(len(memory))
+        return system._find_command(limited).tolist()
+
+    def state(
+        self, time_ns: int, motions: Array, memory: Sequence[float]
+    ) -> GazeboDriveState:
+        """Return the state that a tick leaves behind."""
+        limited, odometry = DiffDriveMotion.from_numbers(memory, _WINDOW)
+        command = self._system._find_command(limited)
+        return self._last._replace(limited=limited, command=command, odometry=odometry)
 
 
 class DiffDrive(TopicController[GazeboDriveState]):
@@ -202,6 +253,7 @@ class DiffDrive(TopicController[GazeboDriveState]):
     """
 
     reads_by_now = True
+    num_remembered = DiffDriveMotion.size(_WINDOW)
 
     def __init__(self, tag: DiffDriveTag, params: ControllerInterfaceParams) -> None:
         """Create the system."""
@@ -244,15 +296,8 @@ class DiffDrive(TopicController[GazeboDriveState]):
     def _update(self, now: UpdateContext, state: GazeboDriveState) -> GazeboDriveState:
         state = self._receive(now, state)
         dt = now.period_ns / NANOSECONDS
-        last, before = state.limited
-        v, w = (
-            limits.limit(requested, v0, v1, dt)
-            for limits, requested, v0, v1 in zip(
-                self._limits, state.target, last, before, strict=True
-            )
-        )
-        command = np.array(self._kinematics.wheels(v, w))[self._side]
-        state = state._replace(limited=((v, w), last), command=command)
+        limited = self._limit(state.target, state.limited, dt)
+        state = state._replace(limited=limited, command=self._find_command(limited))
         if not state.counts:
             return state._replace(counts=True)
         left, right = self._measured_now(now).tolist()
@@ -269,6 +314,38 @@ class DiffDrive(TopicController[GazeboDriveState]):
             (_CERTAIN, _CERTAIN),
         )
         return state._replace(published=message, published_ns=now.time_ns)
+
+    def _limit(
+        self, target: Velocity, limited: tuple[Velocity, Velocity], dt: float
+    ) -> tuple[Velocity, Velocity]:
+        """Return the last two velocities after a tick that aims at one."""
+        last, before = limited
+        v, w = (
+            limits.limit(requested, v0, v1, dt)
+            for limits, requested, v0, v1 in zip(
+                self._limits, target, last, before, strict=True
+            )
+        )
+        return (v, w), last
+
+    def _find_command(self, limited: tuple[Velocity, Velocity]) -> Array:
+        """Return the velocities of the wheels [rad/s], left ones first."""
+        v, w = limited[0]
+        return np.array(self._kinematics.wheels(v, w))[self._side]
+
+    def steady(
+        self, last: UpdateResult[GazeboDriveState], time_ns: int
+    ) -> SteadyTicks[GazeboDriveState] | None:
+        """Return how it goes on until the odometry is published again."""
+        period_ns = self.whole_period_ns
+        if period_ns is None or not (self._period_ns and last.state.counts):
+            return None
+        return _SteadyDrive(self, last.state, period_ns)
+
+    def remember(self, state: GazeboDriveState) -> list[float]:
+        """Return how the base moves, in numbers."""
+        motion = DiffDriveMotion(state.limited, state.odometry)
+        return motion.numbers(self.num_remembered)
 
     def _take_switch(
         self, state: GazeboDriveState, message: Bool, time_ns: int, obstacle: str

@@ -91,7 +91,6 @@ from arm_drake.messages import (
     Time,
     TimeLike,
 )
-from arm_drake.timing import has_rate
 
 
 class _Commands(NamedTuple):
@@ -672,12 +671,11 @@ class JointTrajectoryController(
         """Return how it follows a trajectory between two of its points."""
         if not SteadyTrajectory.can_follow(last.state, time_ns):
             return None
-        params, rate = self.params, self.params.update_rate
-        is_whole = has_rate(params.period, rate) and NANOSECONDS % rate == 0
+        period_ns = self.whole_period_ns
         has_pids = last.state.inbox.rules.pid is not None
-        if has_pids and not (is_whole and self.num_remembered):
+        if has_pids and not (period_ns and self.num_remembered):
             return None
-        dt = NANOSECONDS // rate / NANOSECONDS
+        dt = (period_ns or 0) / NANOSECONDS
         return SteadyTrajectory(last.state, time_ns, self._sense_motions, dt)
 
     def remember(self, state: JointTrajectoryControllerSystemState) -> list[float]:
