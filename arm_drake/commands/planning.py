@@ -1,6 +1,7 @@
 """The commands `arm-drake ik` and `arm-drake plan`."""
 
 import argparse
+import gc
 import json
 import math
 import shlex
@@ -76,6 +77,10 @@ def run_plan(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
         raise InputError("--to: poses are all X,Y,Z, or all X,Y,Z,R,P,Y")
     start = read_positions("--start", options.start)
     robot = load()
+    # All that is there by now needs no search for garbage at the process's end, 0.4 s;
+    # what OMPL makes does, see `cli._end_soon`.
+    if "ompl" not in sys.modules:
+        gc.freeze()
     found = plan(
         robot,
         list(targets),
