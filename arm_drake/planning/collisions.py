@@ -15,6 +15,7 @@ import functools
 import itertools
 import math
 import re
+import weakref
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -44,7 +45,7 @@ from pydrake.planning import (
 from arm_drake.description.joints import FREE_TYPES, joints_above, last_master
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
-from arm_drake.description.srdf import find_disabled_collisions
+from arm_drake.description.srdf import Pairs, find_disabled_collisions
 from arm_drake.planning.surroundings import (
     PlacedShape,
     distance_to,
@@ -473,26 +474,43 @@ class CollisionModel:
         numbers = {each: number for number, each in enumerate(dict.fromkeys(movers))}
         kinds = np.array([numbers[each] for each in movers])
         matrix[np.equal.outer(kinds, kinds) & (matrix == 0)] = 1
-        for one, two in find_disabled_collisions(robot, LoadReport()):
-            if one in index and two in index:
-                _disable(matrix, index[one], index[two])
-        self.checker.SetCollisionFilterMatrix(matrix)
-        ranges = {r.name: r for r in joint_ranges(description)}
+        self._bodies, self._filters = index, matrix
+        # Neither an SRDF nor what always touches depends on the world.
+        known, key = (
+            _disabled.setdefault(robot, {}),
+            (self.joints, self._checker_padding),
+        )
+        if key not in known:
+            disabled = find_disabled_collisions(robot, LoadReport())
+            self._leave_out(disabled)
+            known[key] = disabled | self._find_touching(robot)
+        self._leave_out(known[key])
+
+    def _leave_out(self, pairs: Pairs) -> None:
+        """Leave out pairs of links."""
+        for one, two in pairs:
+            if one in self._bodies and two in self._bodies:
+                _disable(self._filters, self._bodies[one], self._bodies[two])
+        self.checker.SetCollisionFilterMatrix(self._filters)
+
+    def _find_touching(self, robot: Robot) -> Pairs:
+        """Return the pairs of links that touch wherever the joints are."""
+        ranges = {r.name: r for r in joint_ranges(robot.description)}
         low = np.array([ranges[name].lower for name in self.joints])
         high = np.array([ranges[name].upper for name in self.joints])
-        rng, counts = np.random.default_rng(0), np.zeros(matrix.shape, dtype=int)
+        rng, counts = np.random.default_rng(0), np.zeros(self._filters.shape, dtype=int)
         for _ in range(_SAMPLES):
             q = self.configuration(rng.uniform(low, high))
             found = self.checker.CalcRobotClearance(q, 0.0)
             pairs = set(zip(found.robot_indices(), found.other_indices(), strict=True))
             for a, b in {tuple(sorted(map(int, pair))) for pair in pairs}:
                 counts[a, b] += 1
-        of_robot = set(index.values())
-        for a, b in np.argwhere(counts >= _ALWAYS * _SAMPLES):
-            if int(a) in of_robot and int(b) in of_robot:
-                _disable(matrix, int(a), int(b))
-        self.checker.SetCollisionFilterMatrix(matrix)
-        self._bodies, self._filters = index, matrix
+        links = {body: link for link, body in self._bodies.items()}
+        return frozenset(
+            (links[int(a)], links[int(b)])
+            for a, b in np.argwhere(counts >= _ALWAYS * _SAMPLES)
+            if int(a) in links and int(b) in links
+        )
 
 
 @functools.cache
@@ -506,11 +524,6 @@ def _spread(count: int) -> tuple[float, ...]:
             found.append(middle)
             waiting += [(low, middle), (middle, high)]
     return tuple(each / count for each in found)
-
-
-def _disable(matrix: np.ndarray, one: int, two: int) -> None:
-    if matrix[one, two] == 0:
-        matrix[one, two] = matrix[two, one] = 1
 
 
 def add_colliding_robot(plant: MultibodyPlant, robot: Robot) -> ModelInstanceIndex:
@@ -573,6 +586,16 @@ def _differ(one: Sequence[PlacedShape], other: Sequence[PlacedShape]) -> bool:
         for a, b in zip(one, other, strict=True)
     )
 
+
+def _disable(matrix: np.ndarray, one: int, two: int) -> None:
+    if matrix[one, two] == 0:
+        matrix[one, two] = matrix[two, one] = 1
+
+
+# The pairs of links that a robot's models leave out, by their joints and paddings.
+_disabled: "weakref.WeakKeyDictionary[Robot, dict[tuple[object, ...], Pairs]]" = (
+    weakref.WeakKeyDictionary()
+)
 
 # The latest models, of all robots. A model has its robot, so robots can't be weak keys:
 # none would ever go.
