@@ -412,7 +412,9 @@ class Hand:
                     for to in lines
                 ]
             except (PlanningError, NoSolution) as error:
-                reasons.append(str(error))
+                # The line is planned from where it ends.
+                there = "the robot would be in collision there"
+                reasons.append(str(error).replace("the start is in collision", there))
                 continue
             return ways[0].end
         raise Failure("reach", reasons[0])

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pydrake.geometry import Convex
-from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 
@@ -455,6 +455,17 @@ def test_what_is_too_large_for_the_gripper_is_said() -> None:
     assert "too large: 60.0 mm" in picked.reason
     assert simulation.time == 0.0
     assert ad.place(simulation, (0.2, 0.0, 0.02)).reason == "the gripper holds nothing"
+
+
+def test_a_goal_in_the_ground_is_said_to_be_there() -> None:
+    hand_ = Hand(simulate(BOX), PickOptions())
+    approach = hand_.gripper.approach_axis
+    down = RotationMatrix.MakeFromOneVector([0.0, 0.0, -1.0], 2)
+    R = down @ RotationMatrix.MakeFromOneVector(approach, 2).inverse()
+    X_WP = RigidTransform(R, [0.2, 0.05, 0.05])
+
+    with pytest.raises(Failure, match=r"would be in collision there: .* 'ground' over"):
+        hand_.find_way(hand_.solve(X_WP), hand_.ways_out(X_WP), "box")
 
 
 def test_what_is_out_of_reach_is_said() -> None:
