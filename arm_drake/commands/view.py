@@ -119,7 +119,14 @@ def view_scene(options: argparse.Namespace, scene: Scene) -> int:
             views.set_fixed_frame(options.fixed_frame or WORLD)
             with page.drawing():
                 views.draw()
-            save_screenshot(page.meshcat, options.screenshot, paths=["drake"])
+            # A house around the robots would be all that is seen of them.
+            seen = [
+                f"drake/{kind}/{name}" for kind in shown for name in simulation.robots
+            ]
+            seen = [path for path in seen if page.meshcat.HasPath(f"/{path}")] or [
+                "drake"
+            ]
+            save_screenshot(page.meshcat, options.screenshot, paths=seen)
             place = {"screenshot": str(options.screenshot)}
             text = f"screenshot: {options.screenshot}"
             print(json.dumps(summary | place) if options.json else text)

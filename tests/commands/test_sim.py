@@ -3,7 +3,9 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+from matplotlib.image import imread
 
 import arm_drake as ad
 from arm_drake.cli import main
@@ -129,12 +131,24 @@ def test_other_commands_say_what_they_take(
 
 
 @pytest.mark.browser
-def test_a_picture_is_taken_of_a_scene(scene: Path) -> None:
-    picture = scene.with_name("scene.png")
-    cube = "things: [{name: cube, box: [1, 1, 1], fixed: true}]"
-    scene.write_text(f"{SCENE}{cube}", encoding="utf-8")
+def test_the_picture_of_a_scene_is_of_its_robots(tmp_path: Path) -> None:
+    ball = (
+        '<robot name="ball"><link name="ball"><visual><geometry><sphere radius="0.2"/>'
+        '</geometry><material name="m"><color rgba="1 0 1 1"/></material></visual>'
+        "</link></robot>"
+    )
+    (tmp_path / "ball.urdf").write_text(ball, encoding="utf-8")
+    scene, picture = tmp_path / "scene.yaml", tmp_path / "scene.png"
+    scene.write_text(
+        "robots: [{robot: ball.urdf, name: one, pose: [0, 0, 0.3]}]\n"
+        "things: [{name: wall, box: [1, 1, 1], fixed: true, pose: [-30, 30, 0]}]\n",
+        encoding="utf-8",
+    )
 
     code = main(["view", str(scene), "--screenshot", str(picture)])
 
     assert code == 0
-    assert picture.read_bytes().startswith(b"\x89PNG")
+    red, green, blue = np.moveaxis(imread(picture)[..., :3], -1, 0)
+    # A ball that fills the picture's height but for margins, lit from one side; if the
+    # wall counted, it would be a few pixels.
+    assert ((red > 0.3) & (blue > 0.3) & (green < 0.5 * red)).mean() > 0.05
