@@ -35,7 +35,7 @@ from arm_drake.loading import load_robot
 from arm_drake.messages import SwitchController
 from arm_drake.options import SimulationOptions
 from arm_drake.output_files import writing
-from arm_drake.plant.payloads import Payload, Payloads, read_payload
+from arm_drake.plant.payloads import Payload, Payloads, check_link, read_payload
 from arm_drake.simulation.motion import (
     Motion,
     MotionStep,
@@ -582,7 +582,9 @@ _ROBOT_KEYS = ("robot", *_LOAD_OPTIONS, "payload", "motion", "motion_parameters"
 def _read_payloads(value: Value, robot: Robot) -> dict[str, Payload]:
     """Return masses [kg], or mappings of mass and com, by link."""
     payloads = {}
-    for link, each in value.mapping(robot.description.links).items():
+    for link, each in value.mapping().items():
+        place = dc.replace(each, where=value.where)
+        at_place(place, functools.partial(check_link, link, robot.description.links))
         fields = {"mass": each}
         if isinstance(each.node, yaml.MappingNode):
             fields = each.mapping(("mass", "com"))

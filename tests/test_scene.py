@@ -275,8 +275,11 @@ MALFORMED = [
 UNKNOWN = [
     (
         robot("payload: {bal: 1}"),
-        "3: robots[0].payload: unknown key 'bal'; did you mean 'ball'? "
-        "known: ball, base",
+        "3: robots[0].payload: no link 'bal'; did you mean 'ball'? known: ball, base",
+    ),
+    (
+        robot("payload: {world: 1}"),
+        "3: robots[0].payload: 'world' is the world itself, it carries nothing",
     ),
     (
         robot("initial: {fal: 1}"),
