@@ -258,7 +258,9 @@ def _address(motion: Motion, step: MotionStep, prefix: str) -> MotionStep:
         message = SwitchController(activate, deactivate, message.strictness)
     controller = None if step.controller is None else f"{prefix}{step.controller}"
     where = motion.place(step)
-    return dc.replace(step, controller=controller, message=message, where=where)
+    return dc.replace(
+        step, controller=controller, message=message, where=where, line=None
+    )
 
 
 def _name_file(name: str | os.PathLike[str], folder: Path | None) -> str:

@@ -285,7 +285,7 @@ def check_motion(simulation: Runner, motion: Motion) -> None:
                 _check_message(simulation, step, states, activated)
         except InputError as error:
             raise MotionError(
-                error.problem, file=motion.file, where=step.where
+                error.problem, file=motion.file, line=step.line, where=step.where
             ) from None
 
 
