@@ -49,7 +49,7 @@ from arm_drake.worlds.things import COLORS, SHAPES, Thing, with_things
 from arm_drake.worlds.world import WORLDS, World, load_world
 
 
-@dc.dataclass(frozen=True)
+@dc.dataclass(frozen=True, repr=False)
 class MotionOfSeveral(Motion):
     """Motions of several robots, each in its own time."""
 
@@ -97,6 +97,14 @@ class Scene:
                 text = f"something else is called {thing.name!r}; give it another name"
                 raise InputError(text, where="things")
             names.append(thing.name)
+
+    def __repr__(self) -> str:
+        """Return what is in it, by names."""
+        robots = [robot.name for robot in self.robots]
+        things = [thing.name for thing in self.things]
+        file = "" if self.file is None else f"{str(self.file)!r}, "
+        world = str(self.world) if isinstance(self.world, str | Path) else "of its own"
+        return f"<Scene {file}robots {robots}, world {world!r}, things {things}>"
 
     @property
     def motion(self) -> Motion | None:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar
 import yaml
 
 from arm_drake import yaml_files
-from arm_drake.errors import MotionError, quoted, suggest
+from arm_drake.errors import MotionError, counted, quoted, suggest
 from arm_drake.messages import (
     Duration,
     FollowJointTrajectoryGoal,
@@ -134,6 +134,14 @@ class Motion:
 
     # Values that were given to its parameters, in place of their defaults.
     parameters: Mapping[str, Any] = dc.field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """Return its file, and how much it sends to whom; its steps are long."""
+        names = sorted({step.controller for step in self.steps if step.controller})
+        file = "" if self.file is None else f"{str(self.file)!r}, "
+        size = f"{counted(len(self.steps), 'step')}, {self.duration:.2f} s"
+        rounds = " a round" if self.repeats else ""
+        return f"<Motion {file}{size}{rounds}, controllers {names}>"
 
     @property
     def duration(self) -> float:
