@@ -35,7 +35,7 @@ from arm_drake.loading import load_robot
 from arm_drake.messages import SwitchController
 from arm_drake.options import SimulationOptions
 from arm_drake.output_files import writing
-from arm_drake.plant.payloads import Payload, Payloads, read_payload
+from arm_drake.plant.payloads import Payload, Payloads, check_link, read_payload
 from arm_drake.simulation.motion import (
     Motion,
     MotionStep,
@@ -49,7 +49,7 @@ from arm_drake.worlds.things import COLORS, SHAPES, Thing, with_things
 from arm_drake.worlds.world import WORLDS, World, load_world
 
 
-@dc.dataclass(frozen=True)
+@dc.dataclass(frozen=True, repr=False)
 class MotionOfSeveral(Motion):
     """Motions of several robots, each in its own time."""
 
@@ -97,6 +97,14 @@ class Scene:
                 text = f"something else is called {thing.name!r}; give it another name"
                 raise InputError(text, where="things")
             names.append(thing.name)
+
+    def __repr__(self) -> str:
+        """Return what is in it, by names."""
+        robots = [robot.name for robot in self.robots]
+        things = [thing.name for thing in self.things]
+        file = "" if self.file is None else f"{str(self.file)!r}, "
+        world = str(self.world) if isinstance(self.world, str | Path) else "of its own"
+        return f"<Scene {file}robots {robots}, world {world!r}, things {things}>"
 
     @property
     def motion(self) -> Motion | None:
@@ -258,7 +266,9 @@ def _address(motion: Motion, step: MotionStep, prefix: str) -> MotionStep:
         message = SwitchController(activate, deactivate, message.strictness)
     controller = None if step.controller is None else f"{prefix}{step.controller}"
     where = motion.place(step)
-    return dc.replace(step, controller=controller, message=message, where=where)
+    return dc.replace(
+        step, controller=controller, message=message, where=where, line=None
+    )
 
 
 def _name_file(name: str | os.PathLike[str], folder: Path | None) -> str:
@@ -582,7 +592,9 @@ _ROBOT_KEYS = ("robot", *_LOAD_OPTIONS, "payload", "motion", "motion_parameters"
 def _read_payloads(value: Value, robot: Robot) -> dict[str, Payload]:
     """Return masses [kg], or mappings of mass and com, by link."""
     payloads = {}
-    for link, each in value.mapping(robot.description.links).items():
+    for link, each in value.mapping().items():
+        place = dc.replace(each, where=value.where)
+        at_place(place, functools.partial(check_link, link, robot.description.links))
         fields = {"mass": each}
         if isinstance(each.node, yaml.MappingNode):
             fields = each.mapping(("mass", "com"))

@@ -195,6 +195,37 @@ def plain(node: yaml.Node) -> Any:
         raise _explain(error) from None
 
 
+def find_line(node: yaml.Node, place: str) -> int | None:
+    """Return the line of a place such as "[1].goal.points[0]", or of what it lies in.
+
+    Lines count from 1; of a key it is that of the key.
+    """
+    mark = node.start_mark
+    while place:
+        index = re.match(r"\[(\d+)\]", place)
+        if isinstance(node, yaml.SequenceNode) and index:
+            number = int(index[1])
+            if number >= len(node.value):
+                break
+            node, place = node.value[number], place[index.end() :]
+            mark = node.start_mark
+            continue
+        name = place.removeprefix(".")
+        found = [
+            (len(key.value), key, value)
+            for key, value in (
+                items(node) if isinstance(node, yaml.MappingNode) else ()
+            )
+            # Keys may have dots, too.
+            if re.match(rf"{re.escape(key.value)}(?=[.\[]|$)", name)
+        ]
+        if not found:
+            break
+        length, key, node = max(found, key=lambda each: each[0])
+        mark, place = key.start_mark, name[length:]
+    return None if mark is None else mark.line + 1
+
+
 def items(node: yaml.MappingNode) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
     """Return the keys and values of a mapping, those merged by `<<` first.
 

@@ -370,15 +370,16 @@ def test_errors_of_sliding_joints_are_in_millimetres(run, tmp_path):
 
 
 def test_sim_exits_with_1_when_a_goal_is_rejected(run, tmp_path):
-    motion = goal_file(tmp_path, joint_names="[joint1, joint2]")
+    motion = goal_file(tmp_path, header="{stamp: 0.1}")
+    late = motion.read_text().replace("- {", "- {at: 0.5, ")
+    motion.write_text(late)
 
     code, _, err = run("sim", "doosan_a0912", "--headless", "--motion", motion)
 
     assert code == 1
     assert (
-        f"arm-drake: {motion}: [0].goal: {JTC}: goal REJECTED, error code -1: joints "
-        "['joint3', 'joint4', 'joint5', 'joint6'] are missing; name all joints, or set "
-        "allow_partial_joints_goal\n"
+        f"arm-drake: {motion}:1: [0].goal: {JTC}: goal REJECTED, error code -1: ends "
+        "in the past: at 0.2 s, and it is 0.5"
     ) in err
 
 
@@ -386,6 +387,11 @@ def test_sim_exits_with_1_when_a_goal_is_rejected(run, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
+        (
+            {"joint_names": "[joint1, joint2]"},
+            "joints ['joint3', 'joint4', 'joint5', 'joint6'] are missing; name all "
+            "joints, or set allow_partial_joints_goal",
+        ),
         (
             {"joint_names": "[joint1, joint2, joint3, joint4, joint5, wrist]"},
             "unknown joint 'wrist'; known: joint1, joint2, joint3, joint4, joint5, "
@@ -404,25 +410,32 @@ def test_sim_exits_with_1_when_a_goal_is_rejected(run, tmp_path):
         ),
     ],
 )
-def test_a_bad_trajectory_is_rejected_with_its_reason(run, tmp_path, changes, reason):
+def test_a_trajectory_that_will_be_refused_is_said_at_once(
+    run, tmp_path, changes, reason
+):
     motion = goal_file(tmp_path, **changes)
 
     code, _, err = run("sim", "doosan_a0912", "--headless", "--motion", motion)
 
-    assert code == 1
-    assert f"{motion}: [0].goal: {JTC}: goal REJECTED, error code -1: {reason}" in err
+    assert (code, err) == (2, f"arm-drake: {motion}:1: [0].goal: {JTC}: {reason}\n")
+    # A program gets an event, as from ROS.
+    sim = ad.Simulation(ad.build_diagram(ad.load_robot("doosan_a0912")))
+    sim.run(0.1, ad.load_motion(motion))
+    (goal,) = sim.goals
+    assert (goal.status.value, goal.result.error_string) == ("REJECTED", reason)
 
 
 def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
-    text = f"- {{controller: {JTC}, trajectory: {{joint_names: [joint1], points: []}}}}"
+    late = goal_file(tmp_path, header="{stamp: 0.1}").read_text()
+    text = late.replace("- {", "- {at: 0.5, ").replace("goal", "trajectory")
     motion = motion_file(tmp_path, text)
 
     code, _, err = run("sim", "doosan_a0912", "--headless", "--motion", motion)
 
     assert code == 1
     assert err.endswith(
-        f"arm-drake: {motion}: [0].trajectory: {JTC}: trajectory refused: no points; "
-        "a trajectory needs at least one\n"
+        f"arm-drake: {motion}:1: [0].trajectory: {JTC}: trajectory refused: ends in "
+        "the past: at 0.2 s, and it is 0.5 s; a stamp of 0 starts now\n"
     )
 
 
@@ -538,7 +551,7 @@ def test_a_motion_for_an_inactive_controller_is_found_before_the_start(run):
     file = bundled_motions("doosan_a0912")["tutorial"]
     assert (code, out) == (2, "")
     assert err == (
-        f"arm-drake: {file}: [0].goal: controller {JTC!r} is inactive, not active\n"
+        f"arm-drake: {file}:6: [0].goal: controller {JTC!r} is inactive, not active\n"
     )
 
 
@@ -633,7 +646,7 @@ def test_a_refused_switch_exits_with_1_and_its_place(rrbot, tmp_path):
     code, out, err = rrbot("--motion", motion, "--json")
 
     line = (
-        f"{motion}: [0].switch_controllers: controller_manager: switch refused: "
+        f"{motion}:1: [0].switch_controllers: controller_manager: switch refused: "
         f"{CLAIMED}"
     )
     assert code == 1
@@ -665,7 +678,7 @@ def test_an_unknown_controller_in_a_switch_is_found_before_the_start(rrbot, tmp_
     assert (code, out) == (2, "")
     (line,) = errors(err)
     assert line.startswith(
-        f"arm-drake: {motion}: [0].switch_controllers: no controller "
+        f"arm-drake: {motion}:1: [0].switch_controllers: no controller "
         f"'forward_position'; did you mean {FORWARD!r}? known: "
     )
 
@@ -677,8 +690,8 @@ def test_commands_of_a_wrong_size_are_found_before_the_start(rrbot, tmp_path):
 
     assert (code, out) == (2, "")
     assert errors(err) == [
-        f"arm-drake: {motion}: [0].commands: controller {FORWARD!r}: expected 2 values "
-        "(joint1/position, joint2/position), got 1"
+        f"arm-drake: {motion}:1: [0].commands: controller {FORWARD!r}: expected 2 "
+        "values (joint1/position, joint2/position), got 1"
     ]
 
 
@@ -693,7 +706,7 @@ def test_commands_for_a_controller_that_was_deactivated_are_refused(rrbot, tmp_p
 
     assert code == 1
     assert errors(err) == [
-        f"arm-drake: {motion}: [1].commands: {FORWARD}: commands refused: the "
+        f"arm-drake: {motion}:2: [1].commands: {FORWARD}: commands refused: the "
         "controller is not active"
     ]
 
@@ -709,7 +722,7 @@ def test_a_goal_for_a_controller_that_was_deactivated_is_rejected(run, tmp_path)
     assert code == 1
     (line,) = errors(err)
     assert line.startswith(
-        f"arm-drake: {motion}: [1].goal: {JTC}: goal REJECTED, error code -1: "
+        f"arm-drake: {motion}:2: [1].goal: {JTC}: goal REJECTED, error code -1: "
     )
 
 
@@ -785,7 +798,7 @@ def test_a_motion_with_nan_is_found_before_the_start(run, tmp_path):
 
     assert (code, out) == (2, "")
     assert err == (
-        f"arm-drake: {motion}: [0].goal.points[0].positions[1]: expected a finite "
+        f"arm-drake: {motion}:1: [0].goal.points[0].positions[1]: expected a finite "
         "number, got nan\n"
     )
 
@@ -877,7 +890,7 @@ def test_a_goal_beyond_the_limits_is_warned_of_once(run, tmp_path):
         "sim", "doosan_a0912", "--headless", "--motion", motion, "--duration", "0.01"
     )
 
-    place = f"warning: {motion}: [0].goal.points[0]"
+    place = f"warning: {motion}:1: [0].goal.points[0]"
     assert err.splitlines()[:2] == [
         f"{place}: joint1 45 is outside [-6.2832, 6.2832]; in degrees?",
         f"{place}: joint2 10 is outside [-6.2832, 6.2832]; in degrees?",

@@ -15,6 +15,7 @@ import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.plant.payloads import Payload
 from arm_drake.scene import Scene
+from arm_drake.simulation.motion_files import parse_motion
 from tests import carts, models
 from tests.snippets import read_blocks
 
@@ -55,6 +56,23 @@ def load(folder: Path, text: str) -> Scene:
 @pytest.fixture(scope="module")
 def scene(folder: Path) -> Scene:
     return load(folder, SCENE)
+
+
+def test_a_scene_and_its_motion_are_said_in_a_line(folder: Path, scene: Scene) -> None:
+    assert repr(scene) == (
+        f"<Scene '{folder / 'scene.yaml'}', robots ['one', 'two'], world 'empty', "
+        "things ['cube', 'shelf', 'can', 'ball']>"
+    )
+    step = {"at": 1.5, "controller": "arm", "cancel": True}
+    motion = parse_motion([step, {**step, "at": 0.5, "controller": "leg"}])
+    text = "2 steps, 1.50 s, controllers ['arm', 'leg']>"
+    assert repr(motion) == f"<Motion {text}"
+    assert repr(dc.replace(motion, file=Path("m.yaml"))) == f"<Motion 'm.yaml', {text}"
+    both = dc.replace(scene, motions={"one": motion, "two": motion}).motion
+    assert repr(both) == (
+        "<Motion 4 steps, 1.50 s, controllers "
+        "['one/arm', 'one/leg', 'two/arm', 'two/leg']>"
+    )
 
 
 def test_a_scene_is_what_its_file_says(scene: Scene) -> None:
@@ -275,8 +293,11 @@ MALFORMED = [
 UNKNOWN = [
     (
         robot("payload: {bal: 1}"),
-        "3: robots[0].payload: unknown key 'bal'; did you mean 'ball'? "
-        "known: ball, base",
+        "3: robots[0].payload: no link 'bal'; did you mean 'ball'? known: ball, base",
+    ),
+    (
+        robot("payload: {world: 1}"),
+        "3: robots[0].payload: 'world' is the world itself, it carries nothing",
     ),
     (
         robot("initial: {fal: 1}"),

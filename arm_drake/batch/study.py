@@ -35,6 +35,7 @@ from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.hardware.noise_and_delay import check_noise
 from arm_drake.manager.hardware_interfaces import find_hardware_interfaces
 from arm_drake.options import SimulationOptions
+from arm_drake.plant.payloads import check_link
 from arm_drake.rollout.rollout import Rollout
 from arm_drake.scene import (
     Value,
@@ -383,9 +384,9 @@ def _check(study: Study, fields: Mapping[str, Value]) -> None:
     for name, value in first.items():
         kind, _, rest = name.partition(".")
         place = fields["vary"].mapping()[name]
-        if kind == "payload" and rest not in robot.description.links:
-            hint = suggest(rest, robot.description.links)
-            raise place.error(f"no link {rest!r}; {hint}")
+        if kind == "payload":
+            links = robot.description.links
+            at_place(place, functools.partial(check_link, rest, links))
         if kind == "initial" and rest not in known:
             raise place.error(f"no joint {rest!r}; {suggest(rest, known)}")
         if kind == "noise":

@@ -40,6 +40,7 @@ from arm_drake.messages import (
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.joint_dynamics import velocity_map
 from arm_drake.plant.joint_ranges import find_gripper_joints, joint_ranges, randomize
+from arm_drake.plant.payloads import check_link
 from arm_drake.plant.plant import trial_plant
 from arm_drake.simulation.simulation import Simulation
 
@@ -349,9 +350,7 @@ def _payload_ranges(
     for name, bounds in robust_to.items():
         link = robot.description.joint(pids[-1].joint).child
         if name != "payload":
-            if name not in links:
-                hint = suggest(name, (*links, "payload"))
-                raise InputError(f"robust_to: no link {name!r}; {hint}")
+            check_link(name, (*links, "payload"), "robust_to")
             link = name
         try:
             low, high = map(float, bounds)

@@ -34,14 +34,18 @@ from arm_drake.description.elements import parse_float
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
-from arm_drake.errors import InputError, SimulationError
+from arm_drake.errors import InputError, SimulationError, counted
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.drake_log import use_native_logging
 from arm_drake.plant.payloads import Payload
 from arm_drake.scene import Scene, load_scene
 from arm_drake.simulation.motion import Motion, default_duration
 from arm_drake.simulation.motion_files import find_motion
-from arm_drake.simulation.playback import check_motion, list_beyond_limits
+from arm_drake.simulation.playback import (
+    check_motion,
+    check_trajectories,
+    list_beyond_limits,
+)
 from arm_drake.simulation.recording import find_build_info, list_failures
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.drawing import run_drawing
@@ -469,6 +473,8 @@ def _prepare(
             print(entry, file=sys.stderr)
     if motion is not None:
         check_motion(simulation, motion)
+        if options.ros is None and options.inputs is None:  # Nobody else changes rules.
+            check_trajectories(simulation, motion)
         for line in list_beyond_limits(simulation, motion):
             print(f"warning: {line}", file=sys.stderr)
     for link, payload in scene.payloads.items():
@@ -507,6 +513,8 @@ def _finish(
     write_outputs(rollout, options, meshcat, say, *robots.values())
     write_images(simulation, options, say)
     failures = [*list_failures(simulation.mailbox), *say.failures]
+    if lost := report_of(simulation).errors:
+        failures.append(f"{counted(len(lost), 'error')} in the load report")
     if options.json:
         print(
             json.dumps(summarize(simulation, saturation, wall_time, failures)),

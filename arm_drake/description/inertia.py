@@ -26,7 +26,7 @@ from arm_drake.description.links import (
     read_link,
     read_origin,
 )
-from arm_drake.description.report import LoadReport
+from arm_drake.description.report import LoadReport, Severity
 
 Array = NDArray[Any]
 
@@ -419,7 +419,10 @@ class _Repair:
         if not LEAST_MASS <= mass < math.inf:
             link.remove(element)
             if mass != 0.0:
-                self._add(name, f"a mass of {text} kg", "it is taken as massless")
+                # As Gazebo's conversion takes it; what is below 0 was meant otherwise.
+                what, done = f"a mass of {text} kg", "it is taken as massless"
+                severity: Severity = "warning" if 0.0 < mass < math.inf else "error"
+                self._add(name, what, done, severity)
             elif inertia.any():
                 what = "an inertia without mass"
                 self._add(name, what, "it is taken as massless")
@@ -497,9 +500,11 @@ class _Repair:
         _set_tensor(element, inertia)
         self._add(name, what, f"the moments are now {_moments(inertia)}, {done}")
 
-    def _add(self, name: str, what: str, done: str) -> None:
+    def _add(
+        self, name: str, what: str, done: str, severity: Severity = "warning"
+    ) -> None:
         where = f"link {name!r}"
-        self.report.add("warning", "repair", what, done, where=where, file=self.file)
+        self.report.add(severity, "repair", what, done, where=where, file=self.file)
 
 
 def _read_tensor(inertial: ET.Element) -> Array:

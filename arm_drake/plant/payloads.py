@@ -3,7 +3,7 @@
 import copy
 import dataclasses as dc
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -20,6 +20,7 @@ from pydrake.multibody.tree import (
 )
 from pydrake.systems.framework import Context
 
+from arm_drake.description.joints import WORLD
 from arm_drake.errors import InputError, suggest
 
 _SHAPES = (Box, Capsule, Cylinder, Ellipsoid, Sphere)
@@ -101,6 +102,19 @@ def read_payload(link: str, payload: Payload | float) -> Payload:
     return Payload(payload)
 
 
+def check_link(name: str, links: Iterable[str], where: str | None = None) -> None:
+    """Raise InputError if a name is none of the links, or that of the world.
+
+    With several robots a link is called `<robot>/<link>`.
+    """
+    if name.rpartition("/")[2] == WORLD:
+        text = f"{name!r} is the world itself, it carries nothing"
+        raise InputError(text, where=where)
+    known = [each for each in links if each.rpartition("/")[2] != WORLD]
+    if name not in known:
+        raise InputError(f"no link {name!r}; {suggest(name, known)}", where=where)
+
+
 def split_payloads(
     payloads: Payloads, links: Mapping[str, Sequence[str]]
 ) -> dict[str, dict[str, Payload]]:
@@ -118,8 +132,7 @@ def split_payloads(
     }
     found: dict[str, dict[str, Payload]] = {robot: {} for robot in links}
     for name, payload in payloads.items():
-        if name not in owners:
-            raise InputError(f"payload: no link {name!r}; {suggest(name, owners)}")
+        check_link(name, owners, "payload")
         robot, link = owners[name]
         found[robot][link] = read_payload(name, payload)
     return found

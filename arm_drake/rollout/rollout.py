@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.errors import MissingExtraError, suggest
+from arm_drake.errors import MissingExtraError, counted, suggest
 from arm_drake.messages import Message
 from arm_drake.rollout.formats import load_fields, save_rollout
 from arm_drake.rollout.link_poses import find_tip, read_link_poses
@@ -202,6 +202,13 @@ class Rollout:
             if not names:
                 empty = np.zeros((len(self.time), 0))
                 object.__setattr__(self, field, empty)
+
+    def __repr__(self) -> str:
+        """Return its robot, how long it is, and what moves; its fields are long."""
+        length = float(self.time[-1] - self.time[0]) if len(self.time) else 0.0
+        size = f"{counted(len(self.time), 'row')}, {length:.2f} s"
+        joints = list(self.joint_names)
+        return f"<Rollout {self.robot_name!r}, {size}, joints {joints}>"
 
     @property
     def is_at_limit(self) -> NDArray[np.bool_]:

@@ -18,6 +18,8 @@ from pydrake.systems.framework import Context
 from arm_drake import interfaces
 from arm_drake.controllers import find_controller_type
 from arm_drake.controllers.controller_interface import ControllerInterface
+from arm_drake.controllers.joint_trajectory.controller import JointTrajectoryController
+from arm_drake.controllers.joint_trajectory.goals import find_lasting_fault
 from arm_drake.controllers.joint_trajectory.parameters import (
     JointTrajectoryControllerParameters,
 )
@@ -33,6 +35,7 @@ from arm_drake.messages import (
     Float32,
     Float64,
     Float64MultiArray,
+    FollowJointTrajectoryGoal,
     Goal,
     GripperCommand,
     JointTrajectory,
@@ -102,6 +105,19 @@ class ControllerHandle:
             self._topics.find_action()
         elif not isinstance(message, SwitchController):
             make_message(self._topics, message)
+
+    def find_fault(self, message: JointTrajectory | FollowJointTrajectoryGoal) -> str:
+        """Return why the controller refuses a message whenever it comes, or "".
+
+        Args:
+            message: A trajectory for its topic, or a goal for its action.
+        """
+        system = self._system
+        if not isinstance(system, JointTrajectoryController):
+            return ""
+        root = self._mailbox.simulator.get_context()
+        rules = system.rules(system.GetMyContextFromRoot(root))
+        return find_lasting_fault(rules, message)
 
     def command(
         self,

@@ -7,7 +7,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias, TypeVar
 
-from arm_drake.errors import MotionError, quoted, suggest
+import yaml
+
+from arm_drake import yaml_files
+from arm_drake.errors import MotionError, counted, quoted, suggest
 from arm_drake.messages import (
     Duration,
     FollowJointTrajectoryGoal,
@@ -178,6 +181,9 @@ class MotionStep:
     # Time between the messages of a step that has several [s].
     every: float = 0.0
 
+    # In the file, counted from 1.
+    line: int | None = dc.field(default=None, compare=False)
+
 
 @dc.dataclass(frozen=True)
 class Motion:
@@ -191,6 +197,14 @@ class Motion:
 
     # Values that were given to its parameters, in place of their defaults.
     parameters: Mapping[str, Any] = dc.field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """Return its file, and how much it sends to whom; its steps are long."""
+        names = sorted({step.controller for step in self.steps if step.controller})
+        file = "" if self.file is None else f"{str(self.file)!r}, "
+        size = f"{counted(len(self.steps), 'step')}, {self.duration:.2f} s"
+        rounds = " a round" if self.repeats else ""
+        return f"<Motion {file}{size}{rounds}, controllers {names}>"
 
     @property
     def duration(self) -> float:
@@ -236,7 +250,10 @@ class Motion:
 
     def place(self, step: MotionStep) -> str:
         """Return where a step stands, for messages."""
-        return f"{self.file}: {step.where}" if self.file else step.where
+        if self.file is None:
+            return step.where
+        line = "" if step.line is None else f":{step.line}"
+        return f"{self.file}{line}: {step.where}"
 
 
 def default_duration(motion: Motion | None) -> float:
@@ -302,18 +319,43 @@ def _scaled_end(
     return now + length / speed if speed > 0.0 else now
 
 
+# Key of the steps of a motion that has parameters.
+STEPS = "steps"
+
+
+@dc.dataclass(frozen=True)
+class MotionFile:
+    """Where a motion stands: its file, and what has the lines, if it is of one."""
+
+    path: Path | None = None
+    node: yaml.Node | None = None
+
+    def line(self, place: str) -> int | None:
+        """Return the line of a place such as "[1].goal", counted from 1."""
+        if self.node is None:
+            return None
+        is_step = place.startswith("[") and isinstance(self.node, yaml.MappingNode)
+        return yaml_files.find_line(self.node, f"{STEPS}{place}" if is_step else place)
+
+    def error(self, problem: str, where: str = "", key: str = "") -> MotionError:
+        """Return an error about a place, or about a key that is there."""
+        place = f"{where}.{key}" if where and key else where or key
+        line = self.line(place) if place else None
+        return MotionError(problem, file=self.path, line=line, where=where)
+
+
 class Fields:
     """Checks the fields of one step; places are given from the step on."""
 
-    def __init__(self, step: str, file: Path | None) -> None:
+    def __init__(self, step: str, file: MotionFile) -> None:
         """Create it for a step at a place such as "[0]"."""
         self.step = step
         self._file = file
 
-    def error(self, where: str, problem: str) -> MotionError:
-        """Return an error about a field; "" is the step itself."""
+    def error(self, where: str, problem: str, key: str = "") -> MotionError:
+        """Return an error about a field, or a key of it; "" is the step itself."""
         place = f"{self.step}.{where}" if where else self.step
-        return MotionError(problem, file=self._file, where=place)
+        return self._file.error(problem, place, key)
 
     def mapping(
         self, value: Any, where: str, known: Iterable[str] | None = None
@@ -325,7 +367,7 @@ class Fields:
         for key in value if known is not None else ():
             if key not in names:
                 hint = suggest(str(key), names)
-                raise self.error(where, f"unknown key {key!r}; {hint}")
+                raise self.error(where, f"unknown key {key!r}; {hint}", str(key))
         return value
 
     def list(self, value: Any, where: str) -> Sequence[Any]:

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
+import yaml
+
 from arm_drake import yaml_files
 from arm_drake.description.bundled import bundled_motions, bundled_robots
 from arm_drake.description.robot import Robot
@@ -28,8 +30,10 @@ from arm_drake.messages import (
 )
 from arm_drake.plant.payloads import Payload
 from arm_drake.simulation.motion import (
+    STEPS,
     Fields,
     Motion,
+    MotionFile,
     MotionStep,
     Sent,
     SetPayloads,
@@ -41,13 +45,13 @@ from arm_drake.simulation.motion import (
 )
 from arm_drake.simulation.topics import ControllerTopics
 
-# Keys of a motion with parameters.
-PARAMETERS, STEPS = "parameters", "steps"
+# Key of the parameters of a motion that has some, beside its steps.
+PARAMETERS = "parameters"
 
 _REFERENCE = re.compile(r"\$\(\s*([^()]*?)\s*\)")
 
 
-def fill_in(data: Any, parameters: Mapping[str, Any], file: Path | None) -> Any:
+def fill_in(data: Any, parameters: Mapping[str, Any], file: MotionFile) -> Any:
     """Return the list of a motion's steps, with the values of its parameters.
 
     A text that is nothing but `$(name)` becomes the value, whatever it is; inside a
@@ -59,18 +63,18 @@ def fill_in(data: Any, parameters: Mapping[str, Any], file: Path | None) -> Any:
         for key in data:
             if key not in (PARAMETERS, STEPS):
                 hint = suggest(str(key), (PARAMETERS, STEPS))
-                raise MotionError(f"unknown key {key!r}; {hint}", file=file)
+                raise file.error(f"unknown key {key!r}; {hint}", key=str(key))
         declared, steps = data.get(PARAMETERS) or {}, data.get(STEPS)
         if not isinstance(declared, Mapping):
             problem = f"expected names with defaults, got {declared!r}"
-            raise MotionError(problem, file=file, where=PARAMETERS)
+            raise file.error(problem, PARAMETERS)
         for name in declared:
             if not isinstance(name, str):
                 problem = f"expected names, got {name!r}"
-                raise MotionError(problem, file=file, where=PARAMETERS)
+                raise file.error(problem, PARAMETERS)
         if not isinstance(steps, list):
             problem = f"expected a list of steps, got {type(steps).__name__}"
-            raise MotionError(problem, file=file, where=STEPS)
+            raise file.error(problem, STEPS)
     for name in parameters:
         if name not in declared:
             raise _unknown(name, declared, file)
@@ -80,9 +84,7 @@ def fill_in(data: Any, parameters: Mapping[str, Any], file: Path | None) -> Any:
     return [_filled(step, values, f"[{n}]", file) for n, step in enumerate(steps)]
 
 
-def _filled(
-    value: Any, values: Mapping[str, Any], where: str, file: Path | None
-) -> Any:
+def _filled(value: Any, values: Mapping[str, Any], where: str, file: MotionFile) -> Any:
     """Return a part of a step with the values of parameters."""
     if isinstance(value, list):
         return [_filled(v, values, f"{where}[{n}]", file) for n, v in enumerate(value)]
@@ -103,10 +105,10 @@ def _filled(
 
 
 def _unknown(
-    name: str, known: Mapping[str, Any], file: Path | None, where: str = ""
+    name: str, known: Mapping[str, Any], file: MotionFile, where: str = ""
 ) -> MotionError:
     hint = suggest(name, known) if known else "the motion declares none"
-    return MotionError(f"no parameter {name!r}; {hint}", file=file, where=where)
+    return file.error(f"no parameter {name!r}; {hint}", where)
 
 
 def read_goal(fields: Fields, value: Any, where: str) -> FollowJointTrajectoryGoal:
@@ -122,7 +124,8 @@ def read_goal(fields: Fields, value: Any, where: str) -> FollowJointTrajectoryGo
     if trajectory is None:
         trajectory, goal = goal, {}
     if goal:
-        raise fields.error(where, f"unknown key {next(iter(goal))!r}")
+        key = str(next(iter(goal)))
+        raise fields.error(where, f"unknown key {key!r}", key)
     time = fields.time(Duration, late, f"{where}.goal_time_tolerance")
     return FollowJointTrajectoryGoal(
         trajectory=read_trajectory(fields, trajectory, where),
@@ -142,7 +145,7 @@ def read_trajectory(fields: Fields, value: Any, where: str) -> JointTrajectory:
     if data:
         key = str(next(iter(data)))
         known = ["header", "joint_names", "points"]
-        raise fields.error(where, f"unknown key {key!r}; {suggest(key, known)}")
+        raise fields.error(where, f"unknown key {key!r}; {suggest(key, known)}", key)
     stamp = fields.time(Time, header.get("stamp", 0.0), f"{where}.header.stamp")
     return JointTrajectory(
         header=Header(stamp=stamp, frame_id=str(header.get("frame_id", ""))),
@@ -432,7 +435,7 @@ def make_message(topics: ControllerTopics, message: Message) -> tuple[str, Messa
     return make(topics, message)
 
 
-def parse_step(item: Any, index: int, file: Path | None) -> list[MotionStep]:
+def parse_step(item: Any, index: int, file: MotionFile) -> list[MotionStep]:
     """Return what step `index` sends: one message, or several one after the other."""
     fields = Fields(f"[{index}]", file)
     return list(_Step(fields.mapping(item, ""), fields, file).parse())
@@ -442,7 +445,7 @@ class _Step:
     """One step of a motion file on its way to messages."""
 
     def __init__(
-        self, item: Mapping[str, Any], fields: Fields, file: Path | None
+        self, item: Mapping[str, Any], fields: Fields, file: MotionFile
     ) -> None:
         self._item = item
         self._fields = fields
@@ -476,10 +479,11 @@ class _Step:
             times = self._times()
             sent = [[message]] * len(times)
         every = fields.seconds(item.get("every", 0.0), "every")
+        where = f"{fields.step}.{kind}"
+        line = self._file.line(where)
         for at, messages in zip(times, sent, strict=True):
             for each in messages:
-                where = f"{fields.step}.{kind}"
-                yield MotionStep(at, controller, each, where, every)
+                yield MotionStep(at, controller, each, where, every, line)
 
     def _receivers(self, kind: str) -> tuple[str, ...]:
         """Return the names of whom the step is for, if it says so."""
@@ -526,7 +530,7 @@ class _Step:
             if key in item:
                 raise fields.error(key, f"a {KIND} has its rows; leave it out")
         every = fields.seconds(item.get("every"), "every")
-        rows = read_table(fields, value, every, self._file)
+        rows = read_table(fields, value, every, self._file.path)
         topic = item.get("topic")
         return [[row if topic is None else TopicMessage(topic, row)] for row in rows]
 
@@ -615,26 +619,30 @@ def load_motion(
         text = f"no such file; the motion {path.name!r} of a robot needs robot="
         raise MotionError(text, file=path)
     try:
-        data = yaml_files.load(path)
+        node = yaml_files.compose(yaml_files.read_text(path))
+        data = None if node is None else yaml_files.plain(node)
     except yaml_files.YamlError as error:
         raise MotionError(error.problem, file=path, line=error.line) from None
-    return parse_motion(data, path, parameters)
+    return parse_motion(data, path, parameters, node)
 
 
 def parse_motion(
-    data: Any, file: Path | None = None, parameters: Mapping[str, Any] | None = None
+    data: Any,
+    path: Path | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    node: yaml.Node | None = None,
 ) -> Motion:
     """Return the motion of a list of steps, as in a motion file.
 
-    A step that this version doesn't know is an error, not nothing.
+    A step that this version doesn't know is an error, not nothing. The file's node has
+    the lines for messages.
     """
-    if data is None and file is not None:
-        raise MotionError("the file is empty; expected a list of steps", file=file)
+    file = MotionFile(path, node)
+    if data is None and path is not None:
+        raise file.error("the file is empty; expected a list of steps")
     data = fill_in(data, parameters or {}, file)
     if not isinstance(data, list):
-        raise MotionError(
-            f"expected a list of steps, got {type(data).__name__}", file=file
-        )
+        raise file.error(f"expected a list of steps, got {type(data).__name__}")
     repeats = bool(data) and _is_repeat(data[-1])
     steps = [
         step
@@ -642,7 +650,7 @@ def parse_motion(
         for step in parse_step(item, index, file)
     ]
     in_order = tuple(sorted(steps, key=lambda step: step.at))
-    motion = Motion(file, in_order, repeats, dict(parameters or {}))
+    motion = Motion(path, in_order, repeats, dict(parameters or {}))
     if repeats:
         _check_repeat(data[-1], motion, Fields(f"[{len(data) - 1}]", file))
     return motion

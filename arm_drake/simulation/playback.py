@@ -8,7 +8,11 @@ from pydrake.math import RigidTransform
 
 from arm_drake.description.joints import beyond_limits
 from arm_drake.errors import ArmDrakeError, InputError, MotionError
-from arm_drake.messages import JointTrajectory, SwitchController
+from arm_drake.messages import (
+    FollowJointTrajectoryGoal,
+    JointTrajectory,
+    SwitchController,
+)
 from arm_drake.plant.payloads import Payload, Payloads
 from arm_drake.simulation import clients
 from arm_drake.simulation.clients import ControllerHandle, TopicHandle
@@ -321,8 +325,32 @@ def check_motion(simulation: Runner, motion: Motion) -> None:
                 _check_message(simulation, step, states, activated)
         except InputError as error:
             raise MotionError(
-                error.problem, file=motion.file, where=step.where
+                error.problem, file=motion.file, line=step.line, where=step.where
             ) from None
+
+
+def check_trajectories(simulation: Runner, motion: Motion) -> None:
+    """Raise MotionError if a controller refuses a step's trajectory, as it is now.
+
+    Where nobody watches, the end of a run is late to learn of a wrong name.
+    """
+    for step in motion.steps:
+        message: Any = step.message
+        names: tuple[str | None, ...] = (step.controller,)
+        if isinstance(message, TopicMessage):
+            names = simulation.topic(message.topic).controllers
+            message = message.data
+        if not isinstance(message, JointTrajectory | FollowJointTrajectoryGoal):
+            continue
+        for name in names:
+            assert name is not None  # Only a switch is for nobody.
+            if fault := simulation.controller(name).find_fault(message):
+                raise MotionError(
+                    f"{name}: {fault}",
+                    file=motion.file,
+                    line=step.line,
+                    where=step.where,
+                )
 
 
 def list_beyond_limits(simulation: Runner, motion: Motion) -> list[str]:

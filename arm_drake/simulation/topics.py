@@ -102,6 +102,12 @@ class ControllerTopics:
         kind = getattr(self.system, "goal_type", None)
         if kind is ParallelGripperCommandGoal and isinstance(goal, GripperCommandGoal):
             goal = _parallel_goal(goal.command)
+        is_trajectory = isinstance(goal, FollowJointTrajectoryGoal)
+        if is_trajectory and kind in (GripperCommandGoal, ParallelGripperCommandGoal):
+            text = "a gripper takes no trajectory; give it"
+            raise self._error(
+                f"{text} gripper_command: {{position: ..., max_effort: ...}}"
+            )
         for port, kinds in ACTIONS.items():
             if isinstance(goal, kinds):
                 self.check(port)

@@ -290,14 +290,19 @@ def test_a_base_with_an_unphysical_inertia_is_repaired_too(repair, simulate):
     simulate(root)
 
 
-@pytest.mark.parametrize("mass", ["-1", "nan", "inf", "-inf", "1e-320", "1e-61"])
-def test_an_impossible_mass_counts_as_none(repair, simulate, mass):
+@pytest.mark.parametrize(
+    ("mass", "severity"),
+    [
+        *((mass, "error") for mass in ("-1", "-1e-320", "nan", "inf", "-inf")),
+        *((mass, "warning") for mass in ("1e-320", "1e-61")),
+    ],
+)
+def test_an_impossible_mass_counts_as_none(repair, simulate, mass, severity):
     root, lines = repair(arm(inertial(mass)))
 
     assert read_inertial(root)[0] > 0.0
-    assert (
-        lines[0] == f"warning: link 'a': a mass of {mass} kg; it is taken as massless"
-    )
+    massless = f"a mass of {mass} kg; it is taken as massless"
+    assert lines[0] == f"{severity}: link 'a': {massless}"
     assert lines[1].startswith("warning: link 'a': no mass, but a joint moves it; ")
     assert len(lines) == 2
     simulate(root)

@@ -20,6 +20,12 @@ COM = (0.03, -0.02, 0.1)
 ANGLES = (0.3, 0.5, 0.9, 0.4, -0.6, 0.2)
 POSE = {f"joint{number}": angle for number, angle in enumerate(ANGLES, 1)}
 
+POST = """<robot name="post">
+  <link name="world"/>
+  <link name="base"/>
+  <joint name="fix" type="fixed"><parent link="world"/><child link="base"/></joint>
+</robot>"""
+
 
 @pytest.fixture(scope="module")
 def robot() -> ad.Robot:
@@ -249,6 +255,26 @@ def test_what_no_link_carries_is_refused(robot: ad.Robot, payloads: Any) -> None
         start(robot, payloads)
 
 
+def test_the_world_carries_nothing(tmp_path: Path) -> None:
+    # Its own link of that name doesn't change that; it has no body of the robot.
+    file = tmp_path / "post.urdf"
+    file.write_text(POST)
+    text = "'world' is the world itself, it carries nothing"
+    with pytest.raises(InputError, match=f"^payload: {text}$"):
+        start(ad.load_robot(file), {"world": 1.0})
+    sim = start(ad.load_robot(file))
+    with pytest.raises(InputError, match=f"^payload: {text}$"):
+        sim.set_payload("world", 1.0)
+    with pytest.raises(MotionError, match=rf"^\[0\].payload: {text}$"):
+        sim.run(1.0, parse_motion([{"payload": {"world": 1.0}}]))
+    with pytest.raises(InputError, match=r"no link 'wrld'; known: base$"):
+        sim.set_payload("wrld", 1.0)
+
+    two = [ad.load_robot(file, name=name) for name in ("a", "b")]
+    with pytest.raises(InputError, match="'b/world' is the world itself"):
+        ad.build_diagram(two, payloads={"b/world": 1.0})
+
+
 def test_without_physics_there_is_nothing_to_weigh(robot: ad.Robot) -> None:
     with pytest.raises(InputError, match="no physics"):
         start(robot, {"link6": 1.0}, preset="kinematic")
@@ -260,7 +286,7 @@ def test_without_physics_there_is_nothing_to_weigh(robot: ad.Robot) -> None:
 @pytest.mark.parametrize(
     ("step", "message"),
     [
-        ({"payload": {"link9": 1}}, "[0].payload: payload: no link 'link9'"),
+        ({"payload": {"link9": 1}}, "[0].payload: no link 'link9'"),
         ({"payload": {"link6": "a"}}, "[0].payload.link6.mass: expected a finite"),
         ({"payload": {"link6": -1}}, "[0].payload.link6: mass: expected at least 0"),
         ({"payload": {"link6": {"com": [0, 0, 0]}}}, "[0].payload.link6.mass: "),

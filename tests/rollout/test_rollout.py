@@ -30,6 +30,11 @@ def test_effort_saturation_counts_the_rows_at_the_limit():
     assert make_rollout().effort_saturation() == pytest.approx({"shoulder": 0.2})
 
 
+def test_it_is_said_in_a_line():
+    text = "<Rollout 'arm', 4 rows, 0.30 s, joints ['shoulder', 'slide']>"
+    assert repr(make_rollout(robot_name="arm")) == text
+
+
 def test_tracking_error_is_reference_less_measurement_of_the_right_joint():
     error = make_rollout().tracking_error("arm")
     np.testing.assert_allclose(error, [[np.nan], [-0.1], [0.05], [-0.05]])

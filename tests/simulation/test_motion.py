@@ -438,7 +438,6 @@ def test_an_error_of_a_list_in_python_has_no_file():
     ("text", "message"),
     [
         ("", "the file is empty; expected a list of steps"),
-        ("a: 1", "unknown key 'a'; known: parameters, steps"),
         ("hello", "expected a list of steps, got str"),
         (
             "- {at: 0, controller: a, cancel: true}\n- 5",
@@ -780,7 +779,46 @@ def test_a_malformed_motion_is_one_located_message(load, tmp_path, text, message
     with pytest.raises(MotionError) as caught:
         load(text)
 
-    assert str(caught.value) == f"{tmp_path / 'motion.yaml'}: {message}"
+    # Each step is on a line of its own.
+    step = re.match(r"\[(\d+)\]", message)
+    line = f":{int(step[1]) + 1}" if step else ""
+    assert str(caught.value) == f"{tmp_path / 'motion.yaml'}{line}: {message}"
+
+
+@pytest.mark.parametrize(
+    ("rest", "line"),
+    [
+        ("points: [{positions: [0, .nan]}]", 8),
+        ("points:\n    - positions: [0]\n    - positions: [a]", 10),
+        ("points:\n    - positions: [0]\n      position: 1", 10),
+        ("points: []\n    header: 1", 9),
+        ("points: []\n    more: 1", 9),
+        ("points: []\n    path_tolerance:\n    - {name: a}\n    - {nam: b}", 11),
+    ],
+)
+def test_a_message_names_the_line_of_what_is_wrong(load, rest, line):
+    with pytest.raises(MotionError) as caught:
+        load(
+            "parameters:\n"
+            "  end: 1\n"
+            "steps:\n"
+            "- {controller: a, cancel: true}\n"
+            "- controller: a\n"
+            "  goal:\n"
+            "    joint_names: [a, b]\n"
+            f"    {rest}\n"
+        )
+
+    assert caught.value.line == line
+
+
+def test_a_step_knows_its_line(load, tmp_path):
+    motion = load("- {controller: a, cancel: true}\n- controller: a\n  cancel: true\n")
+
+    lines = [step.line for step in motion.steps]
+    assert lines == [1, 3]
+    place = f"{tmp_path / 'motion.yaml'}:3: [1].cancel"
+    assert motion.place(motion.steps[1]) == place
 
 
 @pytest.mark.parametrize(
@@ -793,6 +831,7 @@ def test_a_malformed_motion_is_one_located_message(load, tmp_path, text, message
         ("- &a [*a]", ":1: malformed YAML: the value contains itself"),
         ("- {[1]: 2}", ":1: malformed YAML: found unhashable key"),
         (b"\xff", ": can't be read: it is not UTF-8 text"),
+        ("\na: 1", ":2: unknown key 'a'; known: parameters, steps"),
     ],
 )
 def test_a_text_that_is_no_yaml_is_one_located_message(load, tmp_path, text, message):

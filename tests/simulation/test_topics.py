@@ -913,7 +913,7 @@ def test_a_motion_is_checked_before_it_moves_anything(sim, tmp_path, step, probl
     with pytest.raises(MotionError) as error:
         sim.run(1.0, load_motion(file))
 
-    assert str(error.value).startswith(f"{file}: {problem}")
+    assert str(error.value).startswith(f"{file}:2: {problem}")
     assert sim.time == 0.0
 
 
@@ -949,3 +949,16 @@ def test_a_factor_of_speed_keeps_its_class(sim):
     sim.advance_to(0.1)
 
     assert sim.topic("/arm/controller_state").value().speed_scaling_factor == 0.5
+
+
+def test_a_trajectory_for_a_gripper_says_what_it_takes(gripper):
+    goal = {"joint_names": ["finger"], "points": [{"positions": [0.2]}]}
+    motion = parse_motion([{"controller": "hand", "goal": goal}])
+
+    with pytest.raises(MotionError) as caught:
+        gripper.run(0.1, motion)
+
+    assert str(caught.value) == (
+        "[0].goal: controller 'hand': a gripper takes no trajectory; give it "
+        "gripper_command: {position: ..., max_effort: ...}"
+    )

@@ -636,11 +636,8 @@ class JointTrajectoryController(
         self._acceleration_at = at.get(interfaces.ACCELERATION)
         self._topic = self._declare_input("joint_trajectory")
         self._action = self._declare_input("follow_joint_trajectory")
-        self._scaling = (
-            self._declare_input("speed_scaling_input")
-            if rules.is_position_only
-            else None
-        )
+        name = "speed_scaling_input"
+        self._scaling = self._declare_input(name) if rules.is_position_only else None
         self._parameters = self._declare_input(interfaces.PARAMETERS_PORT)
         self._declare_topic("controller_state", self._describe)
         self._declare_topic("events", operator.attrgetter("control.plan.events"))
@@ -650,6 +647,10 @@ class JointTrajectoryController(
         """Return what is planned for a time: the service `query_state`."""
         inbox, state = self._state(context)
         return query(inbox.rules, state, Time.of(time).to_nanoseconds())
+
+    def rules(self, context: Context) -> JointTrajectoryRules:
+        """Return the rules of the last tick."""
+        return self._state(context).inbox.rules
 
     def _declare_input(self, name: str) -> InputPort:
         return self.DeclareAbstractInputPort(name, AbstractValue.Make(()))

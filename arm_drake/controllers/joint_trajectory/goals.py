@@ -402,15 +402,32 @@ def _take_scaling_factor(
     return state._replace(plan=plan, scaling_factor=factor)
 
 
+def _timed(rules: JointTrajectoryRules, message: JointTrajectory) -> JointTrajectory:
+    """Return a message of the topic with the times that it gets."""
+    frequency = rules.upsampling_frequency
+    if frequency is not None and rules.interpolation == "splines":
+        return upsample(message, frequency)
+    return message
+
+
+def find_lasting_fault(
+    rules: JointTrajectoryRules, message: JointTrajectory | FollowJointTrajectoryGoal
+) -> str:
+    """Return why a message is refused, whenever it comes; empty if it needn't be."""
+    if isinstance(message, FollowJointTrajectoryGoal):
+        trajectory = message.trajectory
+    else:
+        trajectory = _timed(rules, message)
+    return find_fault(trajectory, rules.allowed, now_ns=0) or ""
+
+
 def _take_topic(
     rules: JointTrajectoryRules,
     state: JointTrajectoryState,
     trajectory: JointTrajectory,
     now_ns: int,
 ) -> JointTrajectoryState:
-    message, frequency = trajectory, rules.upsampling_frequency
-    if frequency is not None and rules.interpolation == "splines":
-        message = upsample(trajectory, frequency)
+    message = _timed(rules, trajectory)
     fault = _INACTIVE
     if state.plan.is_active:
         fault = find_fault(message, rules.allowed, now_ns) or ""
