@@ -80,6 +80,14 @@ class Thing:
         if self.mass is not None and not 0.0 < self.mass < math.inf:
             raise InputError(f"mass: expected a positive number, got {self.mass!r}")
 
+    @property
+    def radius(self) -> float:
+        """Radius of the smallest ball about its middle that holds it [m]."""
+        if self.kind == "cylinder":
+            radius, length = self.size
+            return math.hypot(radius, 0.5 * length)
+        return self.size[0] if self.kind == "sphere" else 0.5 * math.hypot(*self.size)
+
     def add_to(self, plant: MultibodyPlant) -> None:
         """Add it to a plant that isn't finalized, as a model of one body."""
         if plant.HasModelInstanceNamed(self.name):

@@ -1,8 +1,9 @@
 """Things that are put into a running simulation on its page."""
 
 import itertools
-import math
 from typing import Any
+
+import numpy as np
 
 from arm_drake.errors import InputError
 from arm_drake.visualization.page.parts import Live, Part
@@ -23,6 +24,9 @@ _SLIDERS = {
     "y": ("y", -2.0, 2.0, 0.0, "m"),
     "z": ("z", 0.0, 2.0, 0.5, "m"),
 }
+
+# How far above another thing one is put that would lie in it [m].
+_GAP = 1e-3
 
 # Lengths of a thing of size 1 [m], as its kind takes them.
 _SIZES = {"box": (1.0, 1.0, 1.0), "cylinder": (0.5, 1.0), "sphere": (0.5,)}
@@ -49,6 +53,7 @@ class Insertion(Part):
         names = (f"{self.kind}_{k}" for k in itertools.count(1))
         name = next(name for name in names if name not in taken)
         size, x, y, z = (self.values[what] for what in ("size", "x", "y", "z"))
+        z = self._find_height(0.5 * size, np.array([x, y, z]))
         thing = Thing(
             name,
             self.kind,
@@ -59,6 +64,22 @@ class Insertion(Part):
         )
         self._live.insert(thing)
         return thing
+
+    def _find_height(self, half: float, at: np.ndarray) -> float:
+        """Return the height of something above what is in its place [m].
+
+        Its half length is `half` [m]; other things are taken as large as their balls.
+        """
+        scene, poses = self._live.scene, self._live.simulation.things
+        things = scene.things if scene is not None else ()
+        for thing in sorted(
+            (t for t in things if t.name in poses),
+            key=lambda t: poses[t.name].translation()[2],
+        ):
+            middle, room = poses[thing.name].translation(), half + thing.radius
+            if np.abs(at - middle).max() < room:
+                at = np.array([at[0], at[1], middle[2] + room + _GAP])
+        return float(at[2])
 
     def take_over(self, other: Part) -> None:
         """Keep what was chosen."""
@@ -80,9 +101,11 @@ class Insertion(Part):
                 raise InputError(text)
             setattr(self, what, value)
         elif what in _SLIDERS and isinstance(value, int | float):
-            _, lower, upper, _, _ = _SLIDERS[what]
-            if math.isfinite(value):
-                self.values[what] = min(max(float(value), lower), upper)
+            label, lower, upper, _, unit = _SLIDERS[what]
+            if not lower <= value <= upper:
+                text = f"expected {lower:g} to {upper:g} {unit}, got {value:g}"
+                raise InputError(f"{label}: {text}")
+            self.values[what] = float(value)
         return True
 
     def changes(self) -> dict[str, dict[str, Any]]:

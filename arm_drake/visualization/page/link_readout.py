@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
@@ -20,11 +20,21 @@ FIXED_FRAME = "fixed frame"
 _DECIMALS = 6
 
 
+class ThingFacts(NamedTuple):
+    """What is known of a thing that moves freely."""
+
+    # Where it is drawn, below its kind of drawing: "<model>/<body>".
+    path: str
+
+    # Mass [kg].
+    mass: float
+
+
 class LinkReadout:
-    """Tells the pose of one link on a page, and changes as the link moves.
+    """Tells the pose of one link or thing on a page, and changes as that moves.
 
     Frames are called as in the choice of the fixed frame: "world", a link, or with
-    several robots `<robot>/<link>`.
+    several robots `<robot>/<link>`. Things have their own names.
     """
 
     def __init__(self, scene: Scene, robots: Sequence[Robot]) -> None:
@@ -36,8 +46,10 @@ class LinkReadout:
         self._fixed_frame = ""
         self.put(robots)
 
-    def put(self, robots: Sequence[Robot]) -> None:
-        """Be for these robots; frames that are still there stay."""
+    def put(
+        self, robots: Sequence[Robot], things: Mapping[str, ThingFacts] | None = None
+    ) -> None:
+        """Be for these robots and things; frames that are still there stay."""
         self._names = frame_names(robots)
         self._links = dict(
             zip(
@@ -51,6 +63,12 @@ class LinkReadout:
                 strict=True,
             )
         )
+        self._things = {
+            name: thing
+            for name, thing in (things or {}).items()
+            if name not in self._names
+        }
+        self._names = (*self._names, *self._things)
         if self.frame not in self._names:
             first = len(frame_names(robots[:1]))
             self.frame = self._names[first - 1]
@@ -75,12 +93,15 @@ class LinkReadout:
     def pick(self, path: str) -> None:
         """Be about the link that is drawn at a Meshcat path, if it is one's."""
         drawn = f"{path}/"
+        # Below "drake" and what kind of drawing it is.
+        below = drawn[drawn.find("/", len("drake/")) :]
         for name, (robot, link) in self._links.items():
             own = f"/{robot.name}/{link}/".replace("::", "/")
             plain = f"/{robot.name.replace('/', '|')}/{link.replace('/', '|')}/"
-            # Below "drake" and what kind of drawing it is.
-            below = drawn[drawn.find("/", len("drake/")) :]
             if below.startswith((own, plain)):
+                self.set_frame(name)
+        for name, thing in self._things.items():
+            if below.startswith(f"/{thing.path}/"):
                 self.set_frame(name)
 
     def handle(self, event_id: str, value: object) -> bool:
@@ -145,6 +166,8 @@ class LinkReadout:
 
     def _describe(self) -> str:
         """Return what is known of the link, as YAML."""
+        if self.frame in self._things:
+            return f"name: {self.frame}\nmass: {self._things[self.frame].mass:g}  # kg"
         if self.frame not in self._links:
             return f"name: {self.frame}"
         robot, link = self._links[self.frame]

@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex
+from pydrake.multibody.tree import BodyIndex, RigidBody
 from pydrake.systems.framework import Context
 
 from arm_drake import interfaces
@@ -23,9 +23,10 @@ from arm_drake.visualization.ghost import BLUE, Ghost
 from arm_drake.visualization.link_drawings import VISUAL_PATH
 from arm_drake.visualization.meshcat import THREE_QUARTER, set_ground_visible
 from arm_drake.visualization.page import Choice, Scene, Toggle, Widget
-from arm_drake.visualization.page.link_readout import LinkReadout
+from arm_drake.visualization.page.link_readout import LinkReadout, ThingFacts
 from arm_drake.visualization.page.panel import LinkViews, frame_names, make_fixed_frame
 from arm_drake.visualization.trail import Trail
+from arm_drake.worlds.things import free_bodies
 
 # How long the weight of a robot is drawn, in parts of the size of the robot.
 _WEIGHT_LENGTH = 0.5
@@ -113,6 +114,14 @@ class LiveViews:
         self._scene_graph: SceneGraph = diagram.GetSubsystemByName("scene_graph")
         self._robots = simulation.robots
         has_contacts, self._past = bool(self._arrows), None
+        self._things: dict[str, RigidBody] = {}
+        for body in free_bodies(self._plant, self._robots) if self.has_physics else ():
+            self._things.setdefault(str(body.name()), body)
+        facts = {}
+        for name, body in self._things.items():
+            model = self._plant.GetModelInstanceName(body.model_instance())
+            facts[name] = ThingFacts(f"{model}/{name}", float(body.default_mass()))
+        self.readout.put(list(self._robots.values()), facts)
         self._models = {
             name: self._plant.GetModelInstanceByName(name) for name in self._robots
         }
@@ -210,7 +219,9 @@ class LiveViews:
             for name in self._robots:
                 prefix = f"{name}/" if len(self._robots) > 1 else ""
                 contacts += self._simulation.eval_output(f"{prefix}contacts").states
-        self.readout.update(self._named(poses), self._fixed_frame, contacts)
+        things = self._simulation.things if self._things else {}
+        where = {**things, **self._named(poses)}
+        self.readout.update(where, self._fixed_frame, contacts)
 
     def positions(self) -> Array:
         """Return the present positions of all that moves, for `draw_past`."""
@@ -244,9 +255,13 @@ class LiveViews:
             }
             for name, m in self._models.items()
         }
+        things = {
+            name: plant.EvalBodyPoseInWorld(context, body)
+            for name, body in self._things.items()
+        }
         self._move_frame(self._named(poses), None)
         self._views.update(poses)
-        self.readout.update(self._named(poses), self._fixed_frame)
+        self.readout.update({**things, **self._named(poses)}, self._fixed_frame)
 
     @property
     def is_recorded(self) -> bool:

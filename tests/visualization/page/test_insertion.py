@@ -13,7 +13,9 @@ from arm_drake.scene import Scene
 from arm_drake.simulation.continuation import continue_with
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page.insertion import Insertion
 from arm_drake.visualization.page.live_simulation import LiveSimulation
+from arm_drake.visualization.page.parts import find_part
 from arm_drake.worlds.things import Thing
 
 OPTIONS = ad.SimulationOptions(frame_rate=0.0)
@@ -69,10 +71,60 @@ def test_a_thing_falls_from_where_it_is_inserted(page: Page, robot: ad.Robot) ->
     assert fallen == pytest.approx(9.81 * 0.3**2 / 2.0, abs=9.81 * 0.3 * 1e-3)
     assert [thing.name for thing in live.scene.things] == ["sphere_1"]
     # Another one has another name; both are there after a reset, and at the start.
+    live.run(0.2)
     live.handle([Event("insert:now"), Event("reset")])
     assert height(live.simulation, "sphere_1") == pytest.approx(1.0)
     assert height(live.simulation, "sphere_2") == pytest.approx(1.0)
     assert live.simulation.time == 0.0
+
+
+def test_what_would_lie_in_another_thing_is_put_above_it(
+    page: Page, robot: ad.Robot
+) -> None:
+    live = simulate(page, Scene((robot,)))
+    live.handle([Event("insert:x", 1.5), Event("insert:z", 0.025)])
+
+    for _ in range(3):
+        live.handle([Event("insert:now")])
+
+    heights = [height(live.simulation, f"box_{n}") for n in (1, 2, 3)]
+    # Boxes of 50 mm are 43 mm from their middle to a corner.
+    apart = 0.025 + 0.05 * np.sqrt(3.0) / 2.0 + 1e-3
+    assert np.diff(heights) == pytest.approx([apart, apart])
+
+
+def test_numbers_beyond_a_slider_are_refused_with_its_range(
+    page: Page, robot: ad.Robot
+) -> None:
+    live = simulate(page, Scene((robot,)))
+    part = find_part(live.parts, Insertion)
+
+    for value in (-1.0, 0.0, 99.0, float("nan")):
+        with pytest.raises(InputError) as error:
+            part.handle("insert:mass", value)
+        assert str(error.value) == f"mass: expected 0.01 to 10 kg, got {value:g}"
+
+    assert part.changes()["insert:mass"] == {"value": 0.1}
+
+
+def test_the_readout_tells_of_a_thing_that_is_clicked(
+    page: Page, robot: ad.Robot
+) -> None:
+    live = simulate(page, Scene((robot,), things=(CUBE,)))
+    live.run(0.1)
+
+    live.handle([Event("readout:pick", "drake/visual/cube/cube/cube")])
+    live.views.tell()
+
+    readout = live.views.readout
+    assert readout.frame == "cube"
+    where = live.simulation.things["cube"]
+    assert readout.pose().IsExactlyEqualTo(where)
+    assert readout._describe() == "name: cube\nmass: 0.2  # kg"
+    # Also where it was.
+    live.seek(0.0)
+    live.views.draw_past(live.views.positions())
+    assert readout.pose().translation() == pytest.approx([3.0, 0.0, 1.0], abs=0.06)
 
 
 def test_a_motion_goes_on_as_if_nothing_had_come(robot: ad.Robot) -> None:
