@@ -28,7 +28,10 @@ FAILING = """
     goal_time_tolerance: 0.01
 - at: 0.5
   controller: joint_trajectory_controller
-  goal: {joint_names: [nose], points: [{positions: [1.0], time_from_start: 1.0}]}
+  goal:  # It is over when it comes.
+    header: {stamp: 0.1}
+    joint_names: [joint1, joint2, joint3, joint4, joint5, joint6]
+    points: [{positions: [1, 0, 0, 0, 0, 0], time_from_start: 0.1}]
 - at: 0.6
   controller: joint_trajectory_controller
   goal:

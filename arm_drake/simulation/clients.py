@@ -18,8 +18,6 @@ from pydrake.systems.framework import Context
 from arm_drake import interfaces
 from arm_drake.controllers import find_controller_type
 from arm_drake.controllers.controller_interface import ControllerInterface
-from arm_drake.controllers.joint_trajectory.controller import JointTrajectoryController
-from arm_drake.controllers.joint_trajectory.goals import find_lasting_fault
 from arm_drake.controllers.joint_trajectory.parameters import (
     JointTrajectoryControllerParameters,
 )
@@ -112,6 +110,12 @@ class ControllerHandle:
         Args:
             message: A trajectory for its topic, or a goal for its action.
         """
+        # Not at the top: a robot without such a controller needs nothing of it.
+        from arm_drake.controllers.joint_trajectory.controller import (
+            JointTrajectoryController,
+        )
+        from arm_drake.controllers.joint_trajectory.goals import find_lasting_fault
+
         system = self._system
         if not isinstance(system, JointTrajectoryController):
             return ""

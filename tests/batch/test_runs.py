@@ -131,7 +131,7 @@ def test_the_outcome_tells_of_goals_and_failures() -> None:
         ad.GoalStatus.SUCCEEDED,
     )
     assert goal.result.error_code == 0
-    assert goal.where.endswith("tutorial.yaml: [0].goal")
+    assert goal.where.endswith("tutorial.yaml:6: [0].goal")
     assert done.value.failures == ()
     assert str(done.value.report) == ""
     assert short.value.goals[0].status is ad.GoalStatus.EXECUTING
