@@ -12,6 +12,7 @@ import gc
 import itertools
 import math
 import sys
+import threading
 import weakref
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -321,9 +322,12 @@ def _forget_others(scenery: Scenery) -> None:
     """Let go what was seen of simulations that nobody has any more.
 
     A diagram of Python's systems is a circle of references. Python looks for these as
-    its objects grow in number, and a renderer is few objects, but 100 MB.
+    its objects grow in number, and a renderer is few objects, but 100 MB. In other
+    threads than the main one they are left to Python: a Meshcat among what is let go
+    ends the process where it isn't in the thread that made it.
     """
-    if any(other is not scenery for other in _looked_at):
+    is_main = threading.current_thread() is threading.main_thread()
+    if is_main and any(other is not scenery for other in _looked_at):
         gc.collect()
     _looked_at.add(scenery)
 

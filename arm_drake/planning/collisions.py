@@ -255,7 +255,7 @@ class CollisionModel:
 
     def configuration(self, x: np.ndarray) -> np.ndarray:
         """Return the model's positions where the planned joints have values."""
-        return self._rest + self._E[:, self._own] @ (x - self._rest[self._own])
+        return self._rest + self._E_own @ (x - self._rest[self._own])
 
     def is_free(self, x: np.ndarray) -> bool:
         """Whether nothing collides at values of the planned joints."""
@@ -275,9 +275,10 @@ class CollisionModel:
         """Whether nothing collides on a line, as `is_edge_free`, but for its ends."""
         p, q = self.configuration(x), self.configuration(y)
         count = math.ceil(float(self._weights @ np.abs(q - p)) / step)
-        check = self.checker.CheckConfigCollisionFree
-        if not all(check(p + part * (q - p)) for part in _spread(max(count, 1))):
-            return False
+        check, pq = self.checker.CheckConfigCollisionFree, q - p
+        for part in _spread(max(count, 1)):  # No generator: it is called most often.
+            if not check(p + part * pq):
+                return False
         return all(
             each.is_inside_free(x, y, step) for each in self._around(self._padding)
         )
@@ -356,7 +357,7 @@ class CollisionModel:
             world,
             world,
         )
-        return R, J @ self._E[:, self._own]
+        return R, J @ self._E_own
 
     def clearance(self, path: np.ndarray, influence: float = 0.5) -> float:
         """Return the smallest distance on points of a path [m], `influence` at most."""
@@ -424,6 +425,7 @@ class CollisionModel:
             master, factor, _ = last_master(joint, joints)
             self._E[self._at[name], self._at[master]] = factor
         self._own = np.array([self._at[name] for name in self.joints])
+        self._E_own = self._E[:, self._own]
 
     def _find_weights(self, radii: Mapping[str, float | None]) -> np.ndarray:
         """Return how far a shape moves at most for each unit of a joint [m].

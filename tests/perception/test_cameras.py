@@ -266,6 +266,13 @@ def test_a_simulation_that_is_gone_goes_with_the_first_picture_of_the_next() -> 
 
         assert gone() is None
         assert second.camera("front").depth().shape == (240, 320)
+        # A Meshcat among what is gone would end the process in another thread.
+        gone = weakref.ref(second.diagram)
+        del second
+        third = ad.Simulation(ad.build_diagram(load()))
+        with concurrent.futures.ThreadPoolExecutor(1) as other:
+            other.submit(third.camera("front").color).result()
+        assert gone() is not None
     finally:
         gc.enable()
 
