@@ -342,10 +342,9 @@ _COMMANDS: Mapping[str, _Command] = {
     ),
     "sim": _Command(
         "simulate a robot with its controllers",
-        "Exits with 0 if it ran, 1 if a goal or a controller failed, "
-        "if a message or a switch was refused, or if the load report has an error, "
-        "2 if something can't be used, found before the simulation starts (with "
-        "--strict any line of the report).",
+        "Exits with 0 if it ran, 1 if a goal or a controller failed, or "
+        "if a message or a switch was refused, 2 if something can't be used, found "
+        "before the simulation starts.",
         add_sim_arguments,
         _sim,
     ),

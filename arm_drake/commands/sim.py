@@ -34,7 +34,7 @@ from arm_drake.description.elements import parse_float
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
-from arm_drake.errors import InputError, SimulationError, counted
+from arm_drake.errors import InputError, SimulationError
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.drake_log import use_native_logging
 from arm_drake.plant.payloads import Payload
@@ -513,8 +513,6 @@ def _finish(
     write_outputs(rollout, options, meshcat, say, *robots.values())
     write_images(simulation, options, say)
     failures = [*list_failures(simulation.mailbox), *say.failures]
-    if lost := report_of(simulation).errors:
-        failures.append(f"{counted(len(lost), 'error')} in the load report")
     if options.json:
         print(
             json.dumps(summarize(simulation, saturation, wall_time, failures)),

@@ -52,26 +52,6 @@ def test_all_robots_of_a_scene_are_simulated(
     assert two.position[0, 0] == pytest.approx(0.5)
 
 
-def test_what_was_lost_in_loading_is_no_success(
-    scene: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    # A warning is none of it.
-    text = models.FALLING_BALL
-    lost = '<collision><geometry><mesh filename="none.stl"/></geometry></collision>'
-    seen = lost.replace("collision", "visual")
-    for part, code in ((seen, 0), (lost, 1)):
-        robot = scene.with_name("ball.urdf")
-        robot.write_text(text.replace("</link>", f"{part}</link>", 1), encoding="utf-8")
-
-        assert sim(robot, "--json") == code
-        content, errors = capsys.readouterr()
-        failures = ["1 error in the load report"] if code else []
-        assert json.loads(content)["failures"] == failures
-        assert ("arm-drake: 1 error in the load report" in errors) == bool(code)
-        assert main(["check", str(robot)]) == code
-        capsys.readouterr()
-
-
 def test_words_of_the_command_line_come_before_the_scenes_options(
     scene: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
