@@ -140,7 +140,7 @@ class TaskOutcome:
         thing = getattr(self.result, "thing", "") or getattr(self.task, "thing", "")
         told = self.reason or (self.result.describe() if self.result else "done")
         robot = f"{self.task.robot}: " if self.task.robot else ""
-        return f"{robot}{self.task.kind} {thing}: {told}"
+        return f"{robot}{' '.join(filter(None, (self.task.kind, thing)))}: {told}"
 
     def to_json(self) -> dict[str, Any]:
         """Return what was done, and what became of it, with figures."""

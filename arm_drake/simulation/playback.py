@@ -109,12 +109,15 @@ class Player:
         self._held: dict[str, RigidTransform] = {}
         self._steps = self._motion.timeline()
         self._next = next(self._steps, None)
-        # When a motion with tasks is over, a while after they are done [s].
+        # When a motion with tasks is over, a while after they are done [s]; the robots
+        # that do them; and when the rest of the motion is done, from its start [s].
         self._over_at = math.inf
+        self._robots = {task.robot for task in self._motion.tasks}
+        self._done = self._motion.end_of_messages if self._robots else 0.0
 
     @property
     def is_over(self) -> bool:
-        """Whether the motion has tasks, and they were done a while ago."""
+        """Whether what is played by `play` with `ends` was done a while ago."""
         return self._simulation.time >= self._over_at
 
     def play(
@@ -158,16 +161,16 @@ class Player:
     def _is_idle(self) -> bool:
         """Return whether there were tasks, and nothing is begun or to be begun."""
         left = self._waiting or self._running or self._next is not None
-        return bool(self._motion.tasks) and not left
+        return bool(self._robots) and not left
 
     def _look_for_end(self) -> None:
         """Find out whether all is done, and the robots rest that did it."""
+        if self._over_at < math.inf or not self._is_idle():
+            return
         now = self._simulation.time
-        done = self._start + self._motion.end_of_messages
-        if self._over_at == math.inf and self._is_idle() and now >= done:
-            robots = {task.robot for task in self._motion.tasks}
-            if all(map(self._simulation.rests, robots)):
-                self._over_at = now + AFTER_MOTION
+        is_done = now >= self._start + self._done
+        if is_done and all(map(self._simulation.rests, self._robots)):
+            self._over_at = now + AFTER_MOTION
 
     def give_up(self) -> None:
         """Say what wasn't begun as robots didn't come to rest, or wasn't ended."""
@@ -177,7 +180,10 @@ class Player:
             if not isinstance(task.step.message, FollowThing):
                 self._reject(task.step, ended)
         for step in self._waiting:
-            self._reject(step, "not planned: the robot didn't come to rest in time")
+            reason = "not planned: the robot didn't come to rest in time"
+            if not isinstance(step.message, PlanTo):
+                reason = "not begun: the simulation ended before the robot was free"
+            self._reject(step, reason)
         self._waiting.clear()
         self._running.clear()
 
