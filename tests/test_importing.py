@@ -19,8 +19,17 @@ class Circle:
         self.itself = self
 
 
+@pytest.fixture(autouse=True, scope="module")
+def frozen_tests() -> Iterator[None]:
+    yield
+    # As the other tests have it, see `tests/conftest.py`.
+    gc.collect()
+    gc.freeze()
+
+
 @pytest.fixture(autouse=True)
 def collection() -> Iterator[None]:
+    gc.unfreeze()
     yield
     gc.unfreeze()
     gc.enable()
