@@ -11,6 +11,7 @@ import arm_drake as ad
 from arm_drake.cli import main
 from tests.models import pendulum
 from tests.snippets import PAGES, PROGRAMS, ROOT, Block, read_blocks
+from tests.test_tutorials import COMMANDS
 
 # The tests that run the programs and read the YAML of pages.
 TESTS = "\n".join(
@@ -61,7 +62,11 @@ def is_commands(block: Block) -> bool:
 
 
 def list_commands() -> list[Any]:
-    """Return the commands of all pages, as words; some need a browser."""
+    """Return the commands of all pages, as words; some need a browser.
+
+    Those that the tutorials have too are run with these.
+    """
+    tutorials = {f"arm-drake {command}" for command in COMMANDS}
     found: dict[str, list[str]] = {}
     for page in PAGES:
         for block in read_blocks(page):
@@ -74,7 +79,8 @@ def list_commands() -> list[Any]:
             words, id=name, marks=[pytest.mark.browser] if browser & {*words} else []
         )
         for name, words in found.items()
-        if words[0] not in ("make", "pip")  # Setting up has done what they do.
+        # Setting up has done what the first two do.
+        if words[0] not in ("make", "pip") and name not in tutorials
     ]
 
 

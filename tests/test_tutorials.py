@@ -1,10 +1,13 @@
 """The tutorials' page: its programs run, and all of its commands do."""
 
+import contextlib
 import re
 import shlex
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import arm_drake as ad
@@ -23,6 +26,56 @@ COMMANDS = list(dict.fromkeys(re.findall(r"`arm-drake ([^`]+)`", TEXT)))
 
 # How long one is tried [s]; rollouts of the robots' own tests are longer.
 DURATION = 0.2
+
+
+@contextlib.contextmanager
+def into_the_bin(simulation: ad.Simulation) -> Iterator[None]:
+    """The box is taken from the table into the bin, and the arm goes home."""
+    before = box_position(simulation)
+    yield
+    after = box_position(simulation)
+    assert before == pytest.approx([0.2, 0.05, 0.07])
+    assert simulation.rejected == []
+    # On the bin's bottom, 16 mm high.
+    assert after == pytest.approx([0.05, -0.22, 0.036], abs=5e-3)
+    assert np.abs(simulation.joint_states().position[:6]).max() < 0.02
+    picked, placed = simulation.tasks
+    assert picked.describe().startswith("pick box: held and lifted at the first grasp")
+    figures = placed.to_json()
+    assert figures["thing"] == "box"
+    assert figures["pose"][:3] == pytest.approx(after, abs=1e-3)
+    assert figures["position_error"] < 5e-3
+    assert placed.time + 1.0 < simulation.time < placed.time + 5.0
+
+
+@contextlib.contextmanager
+def on_its_own_table(simulation: ad.Simulation) -> Iterator[None]:
+    """The Centauri moves the box, and stands straight up."""
+    yield
+    assert simulation.rejected == []
+    position = box_position(simulation)
+    assert position == pytest.approx([-0.1, -0.32, 0.145], abs=5e-3)
+    assert np.abs(simulation.joint_states().position[:6]).max() < 0.02
+
+
+def box_position(simulation: ad.Simulation) -> np.ndarray:
+    plant = simulation.plant
+    context = plant.GetMyContextFromRoot(simulation.context)
+    X = plant.EvalBodyPoseInWorld(context, plant.GetBodyByName("box"))
+    return X.translation()
+
+
+# What is so after the run of a command, and before.
+Watch = Callable[[ad.Simulation], contextlib.AbstractContextManager[None]]
+_TABLE = "sim mycobot_280 control:=ros2_control --world house_table"
+WATCHES: dict[str, Watch] = {
+    f"{_TABLE} --motion pick_and_place": into_the_bin,
+    "sim configs/centauri/pick_and_place_scene.yaml": on_its_own_table,
+}
+
+
+def test_what_is_watched_is_a_command_of_the_page() -> None:
+    assert set(WATCHES) <= set(COMMANDS)
 
 
 @pytest.mark.slow
@@ -59,13 +112,23 @@ def test_a_command_runs(
     if words[0] == "view" or (words[0] == "launch" and "--headless" not in words):
         # Without a browser: what it shows can be loaded, and the pose is one.
         words = [*words, "--json"]
-        run = "arm_drake.visualization.page.robot_viewer.RobotViewer.run"
-        monkeypatch.setattr(run, _end_at_once)
+        viewer = "arm_drake.visualization.page.robot_viewer.RobotViewer.run"
+        monkeypatch.setattr(viewer, _end_at_once)
     monkeypatch.chdir(tmp_path)
+    watched, run_unwatched = [], ad.Simulation.run
+
+    def run(simulation: ad.Simulation, *args: Any, **options: Any) -> None:
+        with WATCHES[command](simulation):
+            run_unwatched(simulation, *args, **options)
+        watched.append(command)
+
+    if command in WATCHES:
+        monkeypatch.setattr(ad.Simulation, "run", run)
 
     code = main(words)
 
     assert code == 0, capsys.readouterr().err
+    assert watched == [c for c in WATCHES if c == command]
 
 
 @pytest.mark.slow
