@@ -44,12 +44,16 @@ demo: setup
 # Else every worker, and every process that a test starts, compiles all modules anew.
 test quick: export PYTHONDONTWRITEBYTECODE :=
 
+# Each process has a part of the files, so that what a file's tests share is made once,
+# and takes of the other's when it is done.
+SHARED := -n auto --dist worksteal
+
 test: setup
-	$(BIN)/python -m pytest -n auto $(ARGS)
+	$(BIN)/python -m pytest $(SHARED) $(ARGS)
 
 # What a developer runs every few minutes.
 quick: setup
-	$(BIN)/python -m pytest -n auto -m "not slow and not browser" $(ARGS)
+	$(BIN)/python -m pytest $(SHARED) -m "not slow and not browser" $(ARGS)
 
 # Mutated inputs, each in a process with limits: SECONDS=3600 for an hour of them.
 SECONDS ?= 60

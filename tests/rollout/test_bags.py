@@ -22,8 +22,9 @@ from arm_drake.rollout.link_poses import multiply, read_transforms, rotate
 from tests.carts import cart, diff_drive
 from tests.carts import load as load_cart
 
-# How much of a motion is played [s]: the longest one takes half a minute.
-DURATION = 3.0
+# How much of a motion is played [s]: the longest one takes half a minute, and none sends
+# anything later of a kind that it hasn't sent by then.
+DURATION = 1.0
 
 # What `control` has to be for a motion of the MyCobot.
 CONTROL = {
