@@ -78,6 +78,7 @@ def test_list_as_json_is_one_object(run):
     assert listed["worlds"] == ["empty", "house", "house_table", "void"]
 
 
+@pytest.mark.slow
 def test_check_of_a_clean_robot_exits_with_0(run):
     code, out, err = run("check", "doosan_a0912")
     assert (code, err) == (0, "")
@@ -85,6 +86,7 @@ def test_check_of_a_clean_robot_exits_with_0(run):
     assert "report: nothing" in out
 
 
+@pytest.mark.slow
 def test_a_xacro_argument_after_an_option_reaches_the_description(run, tmp_path):
     file = tmp_path / "robot.urdf.xacro"
     file.write_text(
@@ -98,6 +100,7 @@ def test_a_xacro_argument_after_an_option_reaches_the_description(run, tmp_path)
     assert json.loads(out)["robot"] == "bob"
 
 
+@pytest.mark.slow
 def test_check_exits_with_1_for_a_controller_that_does_not_load(run, tmp_path):
     yaml = (configs_folder() / "doosan_a0912/controllers.yaml").read_text()
     broken = tmp_path / "controllers.yaml"
@@ -123,6 +126,7 @@ def test_check_exits_with_1_for_a_controller_that_does_not_load(run, tmp_path):
     }
 
 
+@pytest.mark.slow
 def test_check_reports_a_joint_that_the_robot_lacks(run, tmp_path):
     yaml = (configs_folder() / "doosan_a0912/controllers.yaml").read_text()
     broken = tmp_path / "controllers.yaml"
@@ -193,6 +197,7 @@ def test_what_drake_warns_about_is_read_in_the_report_only(tmp_path, command):
     assert "[console]" not in printed
 
 
+@pytest.mark.slow
 def test_check_tells_what_the_robot_is(run):
     _, out, _ = run("check", "doosan_a0912", "--json")
 
@@ -207,6 +212,7 @@ def test_check_tells_what_the_robot_is(run):
     assert [row["problem"] for row in checked["controllers"]] == [None] * 3
 
 
+@pytest.mark.slow
 def test_check_calls_a_robot_as_it_was_asked_for(run):
     _, out, _ = run("check", "doosan_a0912")
     _, renamed, _ = run("check", "doosan_a0912", "--name", "arm")
@@ -215,6 +221,7 @@ def test_check_calls_a_robot_as_it_was_asked_for(run):
     assert renamed.startswith("arm: 8 links, ")
 
 
+@pytest.mark.slow
 def test_check_reads_as_blocks_by_severity_and_file(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     urdf = (
@@ -250,6 +257,7 @@ def test_check_reads_as_blocks_by_severity_and_file(run, tmp_path, monkeypatch):
     ]
 
 
+@pytest.mark.slow
 def test_strict_check_exits_with_1_for_a_mere_remark(run, tmp_path):
     yaml = (configs_folder() / "doosan_a0912/controllers.yaml").read_text()
     remark = tmp_path / "controllers.yaml"
@@ -259,6 +267,7 @@ def test_strict_check_exits_with_1_for_a_mere_remark(run, tmp_path):
     assert run(*arguments, "--strict")[0] == 1
 
 
+@pytest.mark.slow
 def test_sim_prints_one_json_object_with_the_promised_keys(run):
     code, out, _ = run("sim", "doosan_a0912", "--headless", "--duration", 0.2, "--json")
     result = json.loads(out)
@@ -327,6 +336,7 @@ def test_sim_runs_the_tutorial_and_writes_what_it_is_asked_for(run, tmp_path):
     assert "animation" in html
 
 
+@pytest.mark.slow
 def test_on_a_terminal_a_line_shows_the_largest_error_of_the_last_second(
     run, monkeypatch
 ):
@@ -344,12 +354,14 @@ def test_on_a_terminal_a_line_shows_the_largest_error_of_the_last_second(
     assert float(largest) > 10.0
 
 
+@pytest.mark.slow
 def test_where_nothing_is_new_nothing_is_said(run):
     _, _, err = run("sim", "lab5_arm", "--headless", "--duration", "1.5")
 
     assert err == ""
 
 
+@pytest.mark.slow
 def test_errors_of_sliding_joints_are_in_millimetres(run, tmp_path):
     file = tmp_path / "lift.urdf"
     file.write_text(models.LIFT, encoding="utf-8")
@@ -369,6 +381,7 @@ def test_errors_of_sliding_joints_are_in_millimetres(run, tmp_path):
     assert re.fullmatch(rf".* s  {JTC}: error \d+\.\d mm\n", err)
 
 
+@pytest.mark.slow
 def test_sim_exits_with_1_when_a_goal_is_rejected(run, tmp_path):
     motion = goal_file(tmp_path, header="{stamp: 0.1}")
     late = motion.read_text().replace("- {", "- {at: 0.5, ")
@@ -425,6 +438,7 @@ def test_a_trajectory_that_will_be_refused_is_said_at_once(
     assert (goal.status.value, goal.result.error_string) == ("REJECTED", reason)
 
 
+@pytest.mark.slow
 def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
     late = goal_file(tmp_path, header="{stamp: 0.1}").read_text()
     text = late.replace("- {", "- {at: 0.5, ").replace("goal", "trajectory")
@@ -544,6 +558,7 @@ def test_unusable_input_is_one_message_and_exit_code_2(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_motion_for_an_inactive_controller_is_found_before_the_start(run):
     code, out, err = run(
         "sim", "doosan_a0912", "--headless", "--motion", "tutorial", "--inactive", JTC
@@ -578,6 +593,7 @@ def table(out: str) -> dict[str, str]:
     return {row[0]: row[2] for row in rows if len(row) == 3 and "/" in row[1]}
 
 
+@pytest.mark.slow
 def test_sim_lists_the_controllers_with_their_states(rrbot):
     code, out, _ = rrbot("--duration", 0.1)
 
@@ -597,6 +613,7 @@ def test_sim_lists_the_controllers_with_their_states(rrbot):
     assert out.count(FORWARD) == 1
 
 
+@pytest.mark.slow
 def test_active_and_inactive_choose_the_controllers(rrbot):
     code, out, _ = rrbot("--duration", 0.1, "--active", VELOCITY, "--json")
     other = rrbot(
@@ -615,6 +632,7 @@ def test_active_and_inactive_choose_the_controllers(rrbot):
     assert states[FORWARD] == "inactive"
 
 
+@pytest.mark.slow
 def test_a_motion_switches_controllers(rrbot, tmp_path):
     motion = motion_file(
         tmp_path,
@@ -639,6 +657,7 @@ CLAIMED = (
 )
 
 
+@pytest.mark.slow
 def test_a_refused_switch_exits_with_1_and_its_place(rrbot, tmp_path):
     text = f"- {{at: 0.1, switch_controllers: {{activate: [{ILLEGAL}]}}}}\n"
     motion = motion_file(tmp_path, text)
@@ -654,6 +673,7 @@ def test_a_refused_switch_exits_with_1_and_its_place(rrbot, tmp_path):
     assert json.loads(out)["failures"] == [line]
 
 
+@pytest.mark.slow
 def test_what_best_effort_leaves_out_is_a_warning(rrbot, tmp_path):
     motion = motion_file(
         tmp_path,
@@ -669,6 +689,7 @@ def test_what_best_effort_leaves_out_is_a_warning(rrbot, tmp_path):
     assert CLAIMED in line
 
 
+@pytest.mark.slow
 def test_an_unknown_controller_in_a_switch_is_found_before_the_start(rrbot, tmp_path):
     text = "- {switch_controllers: {activate: [forward_position]}}\n"
     motion = motion_file(tmp_path, text)
@@ -683,6 +704,7 @@ def test_an_unknown_controller_in_a_switch_is_found_before_the_start(rrbot, tmp_
     )
 
 
+@pytest.mark.slow
 def test_commands_of_a_wrong_size_are_found_before_the_start(rrbot, tmp_path):
     motion = motion_file(tmp_path, f"- {{controller: {FORWARD}, commands: [0.1]}}\n")
 
@@ -695,6 +717,7 @@ def test_commands_of_a_wrong_size_are_found_before_the_start(rrbot, tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_commands_for_a_controller_that_was_deactivated_are_refused(rrbot, tmp_path):
     motion = motion_file(
         tmp_path,
@@ -726,6 +749,7 @@ def test_a_goal_for_a_controller_that_was_deactivated_is_rejected(run, tmp_path)
     )
 
 
+@pytest.mark.slow
 def test_a_controller_that_fails_is_a_line_of_its_own():
     file = real_robot(f"{PACKAGE}/urdf/rrbot_system_multi_interface.urdf.xacro")
     sim = ad.Simulation(ad.build_diagram(ad.load_robot(file)))
@@ -761,6 +785,7 @@ def test_a_robot_of_gazebo_takes_commands(run, tmp_path):
     assert position == pytest.approx(0.5 - sag, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_the_kinematic_preset_has_no_physics(rrbot, tmp_path):
     text = f"- {{controller: {FORWARD}, commands: [0.5, -0.5]}}\n"
     motion = motion_file(tmp_path, text)
@@ -790,6 +815,7 @@ def test_wrong_usage_exits_with_2(run, arguments):
     assert "error: " in err
 
 
+@pytest.mark.slow
 def test_a_motion_with_nan_is_found_before_the_start(run, tmp_path):
     points = "[{positions: [0, .nan, 0, 0, 0, 0], time_from_start: 1}]"
     motion = goal_file(tmp_path, points=points)
@@ -803,6 +829,7 @@ def test_a_motion_with_nan_is_found_before_the_start(run, tmp_path):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -820,6 +847,7 @@ def test_where_the_page_cannot_be_is_said(run, arguments, message):
     assert (code, out, err) == (2, "", f"arm-drake: {message}\n")
 
 
+@pytest.mark.slow
 def test_a_cancelled_goal_is_no_failure(run, tmp_path):
     points = "[{positions: [0, 0, 0, 0, 0, 0], time_from_start: 2}]"
     motion = goal_file(tmp_path, points=points)
@@ -835,6 +863,7 @@ def test_a_cancelled_goal_is_no_failure(run, tmp_path):
     assert "arm-drake:" not in err
 
 
+@pytest.mark.slow
 def test_an_existing_log_survives_a_run_that_does_not_start(run, tmp_path):
     log = tmp_path / "a.npz"
     log.write_bytes(b"precious")
@@ -882,6 +911,7 @@ def test_texts_are_printed_where_only_ascii_is_understood(tmp_path):
     assert "Traceback" not in done[0].stderr + done[1].stderr
 
 
+@pytest.mark.slow
 def test_a_goal_beyond_the_limits_is_warned_of_once(run, tmp_path):
     point = "{positions: [45, 10, 0, 0, 0, 0], time_from_start: 0.1}"
     motion = goal_file(tmp_path, points=f"[{point}, {point.replace('0.1', '0.2')}]")
@@ -897,6 +927,7 @@ def test_a_goal_beyond_the_limits_is_warned_of_once(run, tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_payloads_are_confirmed(run):
     command = ("sim", "doosan_a0912", "--headless", "--duration", "0.01")
 

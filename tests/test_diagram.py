@@ -87,6 +87,7 @@ def state_bytes(diagram: Diagram, context: Context) -> list[bytes]:
     return [port.Eval(context).tobytes() for port in ports]
 
 
+@pytest.mark.slow
 def test_ports_of_one_robot_are_named_as_in_ros() -> None:
     diagram = ad.build_diagram(ad.load_robot("doosan_a0912"))
 
@@ -94,6 +95,7 @@ def test_ports_of_one_robot_are_named_as_in_ros() -> None:
     assert output_names(diagram) == [*OUTPUTS, "state"]
 
 
+@pytest.mark.slow
 def test_ports_of_several_robots_start_with_the_robot() -> None:
     robots = [
         ad.load_robot("doosan_a0912", name=name, pose=(0.0, y, 0.0, 0.0, 0.0, 0.0))
@@ -172,6 +174,7 @@ def test_no_robot_is_refused() -> None:
     assert str(caught.value) == "no robot was given; expected at least one"
 
 
+@pytest.mark.slow
 def test_frames_are_the_links_in_order_with_the_poses_of_another_library() -> None:
     start = {f"joint{i}": 0.2 * i - 0.7 for i in range(1, 7)}
     robot = ad.load_robot("doosan_a0912", initial_positions=start)
@@ -189,6 +192,7 @@ def test_frames_are_the_links_in_order_with_the_poses_of_another_library() -> No
         np.testing.assert_allclose(frame.GetAsMatrix4(), expected, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_frames_follow_the_motion(tmp_path: Path) -> None:
     robot = pendulum(tmp_path)
     diagram = ad.build_diagram(robot)
@@ -210,6 +214,7 @@ def test_frames_follow_the_motion(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_state_is_the_plant_s() -> None:
     diagram, simulator = doosan_in_motion()
 
@@ -224,6 +229,7 @@ def test_the_state_is_the_plant_s() -> None:
     )
 
 
+@pytest.mark.slow
 def test_joint_states_start_at_the_initial_positions() -> None:
     start = {f"joint{i}": 0.2 * i - 0.7 for i in range(1, 7)}
     diagram = ad.build_diagram(ad.load_robot("doosan_a0912", initial_positions=start))
@@ -396,6 +402,7 @@ def test_robots_stand_where_their_poses_say(tmp_path: Path) -> None:
         assert base.IsNearlyEqualTo(RigidTransform([x, 0.0, 0.0]), 1e-12)
 
 
+@pytest.mark.slow
 def test_the_log_has_a_row_per_tick_or_at_the_rate_asked_for(tmp_path: Path) -> None:
     robot = pendulum(tmp_path)
     for rate, rows in ((None, 51), (50.0, 26), (1000.0, 505)):
@@ -410,6 +417,7 @@ def test_the_log_has_a_row_per_tick_or_at_the_rate_asked_for(tmp_path: Path) -> 
         np.testing.assert_allclose(times, expected, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_robot_that_starts_in_the_ground_is_reported() -> None:
     robot = ad.load_robot("doosan_a0912", initial_positions={"joint2": 2.5})
 
@@ -428,6 +436,7 @@ LIFTED_BALL = models.LIFT.replace("</inertial>", f"</inertial>{models.sphere(0.1
 LIFT_CONTROLLERS = models.trajectory_controllers({"arm": ["slide"]})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pieces", [1, 10, 23])
 def test_what_overlaps_at_the_start_collides_once_it_is_apart(
     tmp_path: Path, pieces: int
@@ -456,6 +465,7 @@ def test_what_overlaps_at_the_start_collides_once_it_is_apart(
     assert sim.joint_states().position[0] == pytest.approx(-0.05, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_what_lies_on_the_ground_goes_on_in_a_rebuilt_diagram(tmp_path: Path) -> None:
     robot = models.load(tmp_path, models.FALLING_BALL)
     first, second = (ad.Simulation(ad.build_diagram(robot)) for _ in range(2))
@@ -479,6 +489,7 @@ def test_what_lies_on_the_ground_goes_on_in_a_rebuilt_diagram(tmp_path: Path) ->
     assert states[0].velocity == states[1].velocity
 
 
+@pytest.mark.slow
 def test_controllers_of_several_robots_are_named_with_their_robot() -> None:
     robots = [ad.load_robot("lab5_arm", name=name) for name in ("left", "right")]
     (first, *_) = (c.name for c in robots[0].controllers.controllers)

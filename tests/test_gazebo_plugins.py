@@ -126,6 +126,7 @@ group:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rate", "manager"), [(100, 1000), (250, 1000), (225, 900)])
 def test_controllers_keep_their_rate_beside_a_plugin(tmp_path, rate, manager):
     yaml = tmp_path / "controllers.yaml"
@@ -145,6 +146,7 @@ def test_controllers_keep_their_rate_beside_a_plugin(tmp_path, rate, manager):
     assert rates == [rate]
 
 
+@pytest.mark.slow
 def test_a_joint_that_is_missing_is_told_and_the_rest_runs(tmp_path):
     robot = load(
         tmp_path,
@@ -166,6 +168,7 @@ def test_a_joint_that_is_missing_is_told_and_the_rest_runs(tmp_path):
     assert not any("elbo" in name and name.endswith("cmd_pos") for name in topics)
 
 
+@pytest.mark.slow
 def test_of_two_plugins_on_a_joint_the_last_one_moves_it(tmp_path):
     robot = load(
         tmp_path,
@@ -189,6 +192,7 @@ def test_of_two_plugins_on_a_joint_the_last_one_moves_it(tmp_path):
     assert "/first" not in topics
 
 
+@pytest.mark.slow
 def test_a_joint_that_a_controller_commands_is_left_to_it(tmp_path):
     yaml = tmp_path / "controllers.yaml"
     yaml.write_text(YAML.format(rate=100), encoding="utf-8")
@@ -370,6 +374,7 @@ def test_a_trajectory_for_an_unknown_frame_is_refused():
     assert "nowhere" in rejected.reason
 
 
+@pytest.mark.slow
 def test_controllers_of_the_package_stay_out_unless_they_are_asked_for():
     robot = mycobot()
 
@@ -429,6 +434,7 @@ def finger(*blocks, control=""):
     return FINGER + "".join(blocks) + control + "</robot>"
 
 
+@pytest.mark.slow
 def test_a_mimic_joint_s_plugin_yields_to_who_commands_its_master(tmp_path):
     yaml = tmp_path / "controllers.yaml"
     yaml.write_text(YAML.format(rate=100).replace("shoulder", "elbow"), "utf-8")
@@ -467,6 +473,7 @@ def test_a_plugin_on_a_mimic_joint_alone_moves_its_master(tmp_path):
     assert positions["elbow"] == pytest.approx(0.2, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_two_kinds_of_plugins_on_coupled_joints_are_told_apart(tmp_path):
     robot = load(
         tmp_path,
@@ -521,6 +528,7 @@ def test_a_publisher_reads_joints_that_no_hardware_reports(tmp_path):
     assert set(message.name) == {"shoulder", "elbow"}
 
 
+@pytest.mark.slow
 def test_a_tag_keeps_the_topic_of_its_first_joint(tmp_path):
     yaml = tmp_path / "controllers.yaml"
     yaml.write_text(YAML.format(rate=100), encoding="utf-8")
@@ -546,6 +554,7 @@ def test_the_rate_of_the_manager_is_told(tmp_path):
     assert any("the manager runs at 1000 Hz" in line for line in lines(robot))
 
 
+@pytest.mark.slow
 def test_forces_without_physics_are_told(tmp_path):
     robot = load(tmp_path, two_links(plugin(POSITION, ("joint_name", "elbow"))))
 
@@ -609,6 +618,7 @@ def _pushed(tmp_path, monkeypatch=None):
     return sim
 
 
+@pytest.mark.slow
 def test_pushed_joints_move_to_the_bit_as_with_a_servo(tmp_path, monkeypatch):
     plain = _pushed(tmp_path)
     full = _pushed(tmp_path, monkeypatch)
@@ -622,6 +632,7 @@ def test_pushed_joints_move_to_the_bit_as_with_a_servo(tmp_path, monkeypatch):
         assert np.array_equal(*(getattr(one, quantity) for one in moved))
 
 
+@pytest.mark.slow
 def test_nobody_holds_joints_that_plugins_no_longer_push(tmp_path):
     sim = _pushed(tmp_path)
 

@@ -264,6 +264,7 @@ def test_a_second_ctrl_c_does_not_wait_for_files(tmp_path: Path) -> None:
     assert "Traceback" not in rest
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_a_plan_in_half_a_second() -> None:
     pytest.importorskip("ompl")
     words = [*PLAN, "--time-limit", "100"]

@@ -294,6 +294,7 @@ def test_a_file_of_macros_is_no_robot(tmp_path):
 # Arguments
 
 
+@pytest.mark.slow
 def test_arguments_of_one_load_dont_reach_the_next():
     arguments = {"hardware": "mock_components/GenericSystem"}
     mock = ad.load_robot("doosan_a0912", xacro_args=arguments)
@@ -323,6 +324,7 @@ def test_a_package_path_that_isnt_there_is_an_error():
     assert message == "nope: no such folder; expected one to search"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distro", ["humble", "kilted", "rolling"])
 def test_a_known_distro_is_kept_and_reported(distro):
     robot = ad.load_robot("doosan_a0912", distro=distro)
@@ -334,6 +336,7 @@ def test_a_known_distro_is_kept_and_reported(distro):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("distro", "taken"),
     [
@@ -372,6 +375,7 @@ def test_another_pose_is_an_error(pose, message):
     assert problem("doosan_a0912", pose=pose) == message
 
 
+@pytest.mark.slow
 def test_strict_turns_any_report_line_into_an_error(package):
     file = package / "urdf" / "arm.urdf"
 
@@ -819,6 +823,7 @@ def parsed(monkeypatch):
     return texts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["doosan_a0912", "lab5_arm"])
 def test_drake_parses_a_robot_twice_on_trial_and_in_earnest(name, parsed):
     robot = ad.load_robot(name)
@@ -830,6 +835,7 @@ def test_drake_parses_a_robot_twice_on_trial_and_in_earnest(name, parsed):
     assert "<visual" in real
 
 
+@pytest.mark.slow
 def test_another_diagram_of_a_robot_takes_the_same_trial(parsed):
     robot = ad.load_robot("doosan_a0912")
     ad.build_diagram(robot)
@@ -840,6 +846,7 @@ def test_another_diagram_of_a_robot_takes_the_same_trial(parsed):
     assert len(parsed) == 1
 
 
+@pytest.mark.slow
 def test_a_robot_that_was_on_trial_can_be_pickled():
     robot = ad.load_robot("doosan_a0912")
 

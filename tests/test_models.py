@@ -290,6 +290,7 @@ def test_a0912_collides_with_all_links_but_the_published_exception(a0912: str) -
     assert bare == ["link3"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("link", A0912_LINKS)
 def test_a0912_shapes_fill_the_box_of_the_published_meshes(
     a0912: str, link: str

@@ -162,6 +162,7 @@ def test_a_page_that_has_failed_says_why(capsys) -> None:
     )
 
 
+@pytest.mark.slow
 def test_an_interrupt_while_a_page_is_made_leaves_none(monkeypatch) -> None:
     class Interrupted(concurrent.futures.Future):
         def result(self, timeout: float | None = None) -> None:
@@ -185,6 +186,7 @@ def test_methods_of_what_is_shown_are_offered_for_completion(pages) -> None:
     assert {"set_positions", "randomize", "close"} <= set(dir(page))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("duration", [0.0, -1.0, float("nan"), float("inf")])
 def test_an_animation_takes_time(duration: float) -> None:
     with pytest.raises(InputError) as caught:
@@ -231,6 +233,7 @@ def test_a_simulation_goes_on_beside_the_program(pages) -> None:
     assert not page.is_playing
 
 
+@pytest.mark.slow
 def test_a_simulation_on_a_page_takes_goals_from_the_program(pages) -> None:
     page = ad.simulate(ad.load_robot(ARM), realtime_rate=0.0)
     pages.append(page)
@@ -255,6 +258,7 @@ def test_a_simulation_on_a_page_takes_goals_from_the_program(pages) -> None:
     wait_until(lambda: abs(position() - 0.5) < 5e-3)
 
 
+@pytest.mark.slow
 def test_an_animation_is_the_same_simulation(tmp_path) -> None:
     robot = load(tmp_path, pendulum())
     alone = ad.Simulation(ad.build_diagram(robot))
@@ -267,6 +271,7 @@ def test_an_animation_is_the_same_simulation(tmp_path) -> None:
     assert recording._repr_html_().startswith('<iframe srcdoc="')
 
 
+@pytest.mark.slow
 def test_an_animation_is_written_to_a_file(tmp_path) -> None:
     _, recording = ad.animate(ad.load_robot(ARM), 0.1)
 

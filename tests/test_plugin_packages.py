@@ -119,6 +119,7 @@ def check_ramp(robot: ad.Robot, rate: float) -> None:
     np.testing.assert_allclose(rollout.position[100:, 0], expected, atol=1e-4 * rate)
 
 
+@pytest.mark.slow
 def test_an_installed_package_brings_a_type(site: Path, tmp_path: Path) -> None:
     add_package(site, "ramps", {TYPE: "ramps:RAMP"})
 
@@ -128,6 +129,7 @@ def test_an_installed_package_brings_a_type(site: Path, tmp_path: Path) -> None:
     check_ramp(robot, 0.3)
 
 
+@pytest.mark.slow
 def test_so_does_an_argument_for_one_robot(tmp_path: Path, ramps: ModuleType) -> None:
     robot = load(tmp_path, yaml(rate=0.3), controller_types={TYPE: ramps.RAMP})
 
@@ -149,6 +151,7 @@ def test_an_argument_is_for_one_robot_alone(tmp_path: Path, ramps: ModuleType) -
     assert before == CONTROLLER_TYPES
 
 
+@pytest.mark.slow
 def test_two_robots_each_have_their_own_type(tmp_path: Path, ramps: ModuleType) -> None:
     class Slow(ramps.Ramp):  # type: ignore[misc, name-defined]
         def _command(self, state: float) -> np.ndarray:
@@ -178,6 +181,7 @@ def test_a_package_is_not_imported_for_other_types(site: Path, tmp_path: Path) -
     assert "broken" not in sys.modules
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("value", "what"),
     [
@@ -223,6 +227,7 @@ def test_a_broken_package_is_one_line(
     assert states(robot) == {"ramp": "unconfigured", "jsb": "active"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_installed", [True, False])
 @pytest.mark.parametrize(
     ("attribute", "rate", "what"),
@@ -299,6 +304,7 @@ def test_one_that_takes_the_name_of_ours_wins_and_is_reported(
     check_ramp(robot, 0.2)
 
 
+@pytest.mark.slow
 def test_of_two_packages_the_first_on_the_path_counts(
     site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -316,6 +322,7 @@ def test_of_two_packages_the_first_on_the_path_counts(
     check_ramp(robot, 0.1)
 
 
+@pytest.mark.slow
 def test_an_argument_comes_before_a_package(site: Path, tmp_path: Path) -> None:
     add_package(site, "ramps", {TYPE: "missing:RAMP"})
     ramp = importlib.import_module("ramps").RAMP

@@ -191,6 +191,7 @@ def test_a_scene_is_saved_as_it_is_now(scene: Scene, folder: Path) -> None:
     np.testing.assert_allclose(after, before, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_base_is_saved_where_it_has_driven(tmp_path: Path) -> None:
     text = carts.cart(carts.diff_drive())
     (tmp_path / "cart.urdf").write_text(text, encoding="utf-8")
@@ -333,11 +334,13 @@ def validator() -> Draft202012Validator:
     return Draft202012Validator(schema)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [text for text, _ in MALFORMED])
 def test_the_schema_refuses_what_the_loader_does(text: str) -> None:
     assert not validator().is_valid(yaml.safe_load(text))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     [

@@ -191,6 +191,7 @@ def test_nothing_imports_all_of_drake() -> None:
         assert not any(name.startswith("pydrake.all") for name in names), module
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", sorted(modules()))
 def test_a_module_is_one_thing(module: str) -> None:
     text = modules()[module].read_text(encoding="utf-8")

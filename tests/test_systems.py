@@ -507,6 +507,7 @@ def _stripped(lines: Iterator[str]) -> Iterator[str]:
     return (line.strip() for line in lines)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system_type", FACTORIES, ids=lambda type: type.__name__)
 def test_a_system_documents_its_ports(system_type: type[LeafSystem]) -> None:
     system = FACTORIES[system_type]()

@@ -406,6 +406,7 @@ def test_a_full_disk_loses_nothing(tmp_path, monkeypatch) -> None:
     assert "were there already" in results.why
 
 
+@pytest.mark.slow
 def test_a_world_that_is_a_file_goes_along(tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("ARM_DRAKE_CACHE", str(tmp_path / "cache"))
     robot, file = load(tmp_path, TWO_LINKS, ARM), tmp_path / "moon.sdf"

@@ -190,6 +190,7 @@ def test_what_a_run_has_started_ends_with_it(tmp_path) -> None:
     assert not alive
 
 
+@pytest.mark.slow
 def test_a_fork_of_the_program_keeps_no_worker_alive(tmp_path) -> None:
     results = ad.iterate_many(
         ["", str(tmp_path)], functions.note_and_sleep, backend="processes", workers=1
@@ -499,6 +500,7 @@ def test_auto_runs_here_what_cannot_be_sent() -> None:
     assert "ran here, for they can't be sent" in results.why
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "value", "expected"),
     [

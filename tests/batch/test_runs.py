@@ -87,6 +87,7 @@ def test_a_simulation_that_is_used_again_gives_the_same_bits(robot) -> None:
     assert in_full(again.rollout) == in_full(first.rollout) == in_full(fresh.rollout)
 
 
+@pytest.mark.slow
 def test_a_world_that_is_a_function_is_made_for_each_run() -> None:
     run = ad.Run(robot="lab5_arm", duration=0.02, world=functions.add_a_post)
 
@@ -107,6 +108,7 @@ def test_what_keep_returns_is_of_its_own_run() -> None:
         )
 
 
+@pytest.mark.slow
 def test_what_keep_changes_is_of_its_own_run() -> None:
     run = ad.Run(robot="lab5_arm", duration=0.1)
 

@@ -62,6 +62,7 @@ def test_a_grid_has_the_same_draws_at_each_point(folder) -> None:
     assert runs[1].changes["initial.elbow"] == values[1]["initial.elbow"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "mean", "deviation"),
     [
@@ -135,6 +136,7 @@ def test_the_command_runs_it_writes_and_goes_on(folder, capsys, monkeypatch) -> 
     assert (folder / "run.png").is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

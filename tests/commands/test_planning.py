@@ -83,6 +83,7 @@ def test_a_plan_is_a_motion_that_sim_plays(
     assert X.translation() == pytest.approx([0.4, 0.2, 0.6], abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -109,6 +110,7 @@ def test_plan_refuses_words(
     assert capsys.readouterr().err.startswith(f"arm-drake: {message}")
 
 
+@pytest.mark.slow
 def test_a_plan_for_joints_without_a_controller_is_no_motion(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

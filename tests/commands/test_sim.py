@@ -33,6 +33,7 @@ def sim(*words: object) -> int:
     return main(["sim", *map(str, words), "--headless", "--duration", "0.1"])
 
 
+@pytest.mark.slow
 def test_all_robots_of_a_scene_are_simulated(
     scene: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -119,6 +119,7 @@ def test_without_the_extra_the_message_says_how_to_install_it(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_simulation_does_not_start_without_the_extra_for_its_picture(
     capsys, tmp_path, monkeypatch
 ):

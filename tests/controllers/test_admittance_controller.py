@@ -220,6 +220,7 @@ STIFF = {"admittance__mass": [1e-4] * 6, "admittance__stiffness": [1e8] * 6}
 
 
 # Humble's manager goes on with a controller that has failed.
+@pytest.mark.slow
 @pytest.mark.parametrize("distro", ["jazzy", "humble"])
 def test_an_admittance_that_grows_without_bounds_fails(tmp_path, distro) -> None:
     pushed = Pushed(tmp_path, distro, **STIFF)
@@ -891,6 +892,7 @@ def test_a_trajectory_is_followed_and_gives_way(tmp_path) -> None:
     assert found[-1] == pytest.approx(0.2 - FORCE / STIFFNESS, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_without_a_push_the_chain_is_exact(tmp_path) -> None:  # AD9
     simulation = simulate(tmp_path, slide((0.0,) * 6), CHAIN, preset="kinematic")
 

@@ -86,6 +86,7 @@ def test_odometry_of_positions() -> None:
     assert state.pose == pytest.approx((1.0, 0.0, 0.0), **TOLERANCE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("start", "goal", "ticks"), [(0, 1, 500), (1, 0, 250), (0, -1, 125), (-1, 0, 100)]
 )
@@ -134,6 +135,7 @@ def test_no_new_command_brakes() -> None:
     np.testing.assert_array_equal(driven.command_values, (0.0, 0.0))
 
 
+@pytest.mark.slow
 def test_without_timeout_a_command_lasts() -> None:
     driven = drive(cmd_vel_timeout=0.0)
     driven.run({"cmd_vel": twist(1.0)})

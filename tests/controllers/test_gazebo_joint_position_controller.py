@@ -219,6 +219,7 @@ def test_unmeasured_joints_get_no_force() -> None:
 STIFF = {"p_gain": 100.0, "d_gain": 20.0}
 
 
+@pytest.mark.slow
 def test_without_an_integral_the_sag_is_load_over_gain() -> None:
     driven = drive(make_tag("a", i_gain=0.0, **STIFF), joints=("a",), rate=500)
 

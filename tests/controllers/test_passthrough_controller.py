@@ -187,6 +187,7 @@ def test_a_chain_of_three_follows_a_trajectory_as_one_controller_does(
     assert np.abs(direct.position[-1] - (0.5, -0.3)).max() < 0.01
 
 
+@pytest.mark.slow
 def test_a_forward_controller_commands_through_it(tmp_path: Path) -> None:
     yaml = f"""
 controller_manager:
@@ -211,6 +212,7 @@ pass: {{ros__parameters: {{interfaces: [swing/position]}}}}
     assert position[-1] == pytest.approx(-0.4, abs=0.01)
 
 
+@pytest.mark.slow
 def test_without_hardware_in_the_description_it_is_what_it_claims(
     tmp_path: Path,
 ) -> None:

@@ -521,6 +521,7 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("type_", "parameters", "message"),
     CASES,

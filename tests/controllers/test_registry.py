@@ -172,6 +172,7 @@ def simulate(folder: Path) -> ad.Rollout:
     return simulation.rollout()
 
 
+@pytest.mark.slow
 def test_a_type_of_ones_own_moves_the_robot(tmp_path):
     ad.register_controller(TYPE, WaveParameters, Wave)
 

@@ -74,6 +74,7 @@ def test_the_nearest_moments_are_those_found_by_hand(moments, nearest):
     np.testing.assert_allclose(moved - np.diag(np.diag(moved)), 0.0, atol=1e-14)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(tensors(10.0))
 def test_no_tensor_of_a_body_is_nearer(inertia):

@@ -85,6 +85,7 @@ def test_all_else_stays(file: Path, text: str) -> None:
     assert make_portable(text, file) == text
 
 
+@pytest.mark.slow
 def test_a_robot_is_the_same_in_every_folder(tmp_path: Path) -> None:
     hashes = set()
     for name in ("here", "somewhere else"):

@@ -466,6 +466,7 @@ BOMBS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", BOMBS)
 def test_a_bomb_of_aliases_ends_at_once_in_little_memory(tmp_path, kind):
     first, level = BOMBS[kind]

@@ -136,6 +136,7 @@ def test_a_relative_path_gives_absolute_files(package, monkeypatch):
     assert names(robot.source_files, package) == MADE_OF
 
 
+@pytest.mark.slow
 def test_files_that_are_given_and_a_plain_urdf_count(package, tmp_path, monkeypatch):
     urdf = write(tmp_path / "plain.urdf", ad.load_robot(package).description.source)
     shutil.copy(package / "config/controllers.yaml", tmp_path / "mine.yaml")
@@ -198,6 +199,7 @@ def test_a_file_that_is_missing_may_mend_a_robot(package):
     assert found == [n for n in MADE_OF if n.startswith("urdf")]
 
 
+@pytest.mark.slow
 def test_a_missing_yaml_and_a_missing_variant_may_mend_a_robot(package):
     (package / "config/initial.yaml").unlink()
 

@@ -34,6 +34,7 @@ def sled(friction: str) -> str:
 </robot>"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("friction", "mu"),
     [

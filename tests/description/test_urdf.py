@@ -332,6 +332,7 @@ def test_an_external_entity_is_not_read(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_entities_that_multiply_end_in_an_error_at_once():
     entities = "".join(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10}">' for i in range(1, 12))
     text = f'<!DOCTYPE r [<!ENTITY e0 "lol">{entities}]><robot>&e11;</robot>'

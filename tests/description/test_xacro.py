@@ -107,6 +107,7 @@ def test_an_argument_doesnt_leak_after_an_error(expand):
     assert "xacro argument 'side' is undefined" in str(caught.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("body", "known"),
     [
@@ -163,6 +164,7 @@ MACROS = """<xacro:macro name="foot" params="side">
 </xacro:macro>"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("body", "message"),
     [
@@ -270,6 +272,7 @@ def test_an_error_says_where_and_what(expand, tmp_path, body, message):
     assert str(caught.value) == message.format(**places)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("body", "problem"),
     [
@@ -457,6 +460,7 @@ def test_an_external_entity_is_not_read(expand, tmp_path, doctype):
     assert "the secret" not in text
 
 
+@pytest.mark.slow
 def test_entities_that_multiply_end_in_an_error_at_once(expand, tmp_path):
     entities = "".join(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10}">' for i in range(1, 12))
     start = time.process_time()
@@ -553,6 +557,7 @@ def test_an_expression_reaches_nothing_outside(expand, expression):
         expand(f'<link name="${{{expression}}}"/>')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("expression", "value"),
     [

@@ -153,6 +153,7 @@ def test_pictures_of_another_thread_are_the_same(
     assert "eglMakeCurrent" not in capfd.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("interface", "kind", "expected"),
     [
@@ -238,6 +239,7 @@ def test_arguments_of_other_types_are_named(tmp_path: Any) -> None:
         ad.make_env("lab5_arm", perod=0.1)
 
 
+@pytest.mark.slow
 def test_goals_of_a_region_lie_in_it() -> None:
     task = ad.ReachTask(region=((0.4, 0.0, 0.3), (0.5, 0.1, 0.4)))
     environment = ad.make_env("doosan_a0912", task=task)
@@ -334,6 +336,7 @@ def test_a_linear_policy_learns_to_reach_the_sphere(run: Run) -> None:
     assert np.mean(successes) > 0.9
 
 
+@pytest.mark.slow
 def test_nothing_of_it_is_imported_by_who_does_not_learn() -> None:
     code = "import arm_drake as ad, sys; ad.load_robot; ad.Simulation; "
     code += "assert 'gymnasium' not in sys.modules"

@@ -67,6 +67,7 @@ def test_a_step_is_as_long_as_the_controllers_period_but_10_ms_at_most(
     assert not any(entry.where == "time_step" for entry in sim.report)
 
 
+@pytest.mark.slow
 def test_it_says_what_it_leaves_out(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

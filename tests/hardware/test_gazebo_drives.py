@@ -82,6 +82,7 @@ def test_classic_has_its_topics(tmp_path: Path) -> None:
     assert row.type == "gazebo_plugins/GazeboRosDiffDrive"
 
 
+@pytest.mark.slow
 def test_a_base_that_hangs_from_the_world_stays_there(tmp_path: Path) -> None:
     world = (
         '<link name="world"/><joint name="hold" type="fixed">'
@@ -129,6 +130,7 @@ def test_motions_drive_it_by_topic_and_by_name(
     assert rollout.velocity[-1] == pytest.approx([-2.0, 2.0], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_of_two_robots_each_is_driven_by_its_name(tmp_path: Path) -> None:
     robot = load(tmp_path, cart(diff_drive()))
     robots = [dataclasses.replace(robot, name=name) for name in ("one", "two")]
@@ -204,6 +206,7 @@ def test_a_bridge_gives_its_topics_names_in_ros(
     assert not any("bridge.yaml" in str(entry.file) for entry in robot.report)
 
 
+@pytest.mark.slow
 def test_a_missing_wheel_is_told_and_the_others_turn(tmp_path: Path) -> None:
     block = diff_drive(("left_joint", "lef"))
 
@@ -336,6 +339,7 @@ def test_a_wheel_that_a_controller_commands_is_left_to_it(
     assert [row.name for row in sim.list_controllers()] == ["group"]
 
 
+@pytest.mark.slow
 def test_pairs_of_classic_stay_whole(tmp_path: Path) -> None:
     # The front wheels are taken; the pair behind them keeps its measures.
     yaml = tmp_path / "controllers.yaml"
@@ -392,6 +396,7 @@ def test_unused_measures_and_unknown_tags_are_told(tmp_path: Path) -> None:
     assert "unknown tags: command_topic; they have no effect" in reported
 
 
+@pytest.mark.slow
 def test_without_physics_the_wheels_turn_and_the_world_stands_still(
     tmp_path: Path,
 ) -> None:

@@ -75,6 +75,7 @@ def test_joint_states_in_motion_are_those_of_the_plant(tmp_path: Path) -> None:
     assert states.velocity[1] > 0.5
 
 
+@pytest.mark.slow
 def test_a_controller_s_joints_move_whatever_their_order(tmp_path: Path) -> None:
     # The file has elbow first, the tree the shoulder, the controller again another.
     controllers = models.trajectory_controllers({"arm": ["shoulder", "elbow"]})
@@ -90,6 +91,7 @@ def test_a_controller_s_joints_move_whatever_their_order(tmp_path: Path) -> None
     )
 
 
+@pytest.mark.slow
 def test_joints_that_nobody_claims_hold_their_initial_positions(tmp_path: Path) -> None:
     start = {"shoulder": 0.8, "elbow": -0.6}
     controllers = models.trajectory_controllers({"arm": ["elbow"]})
@@ -120,6 +122,7 @@ def test_joints_without_any_controller_hold_their_initial_positions(
     assert simulation.joint_states().position == pytest.approx((0.8, -0.6), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_two_controllers_each_command_their_own_joints(tmp_path: Path) -> None:
     controllers = models.trajectory_controllers({"a": ["elbow"], "b": ["shoulder"]})
     simulation = simulate(models.load(tmp_path, models.TWO_LINKS, controllers))
@@ -133,6 +136,7 @@ def test_two_controllers_each_command_their_own_joints(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_two_controllers_do_what_one_does(tmp_path: Path) -> None:
     goal = {"shoulder": 0.4, "elbow": -0.9}
     rollouts = []
@@ -154,6 +158,7 @@ def test_two_controllers_do_what_one_does(tmp_path: Path) -> None:
     np.testing.assert_allclose(rollouts[0].velocity, rollouts[1].velocity, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_of_a_partly_commanded_robot_only_commanded_joints_apply_effort(
     tmp_path: Path,
 ) -> None:
@@ -189,6 +194,7 @@ def test_a_robot_without_commanded_joints_runs(tmp_path: Path) -> None:
     assert simulation.joint_states().effort == (0.0,)
 
 
+@pytest.mark.slow
 def test_effort_is_what_the_actuator_applies_friction_left_out(tmp_path: Path) -> None:
     urdf = models.pendulum(dynamics='<dynamics friction="2"/>')
     # A tick per step, for between ticks the command stands still.

@@ -71,6 +71,7 @@ def solve(
     return np.array(states)[:, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [1, 5])
 @pytest.mark.parametrize("delays", [(0, 0), (1, 0), (3, 0), (0, 1), (2, 3)])
 def test_a_loop_with_delays_moves_as_its_difference_equation(
@@ -121,6 +122,7 @@ def measured(sim: ad.Simulation, ticks: int) -> np.ndarray:
     return np.array(rows)
 
 
+@pytest.mark.slow
 def test_noise_is_white_and_of_the_deviation_that_was_asked_for(tmp_path) -> None:
     yaml = """
 controller_manager:
@@ -191,6 +193,7 @@ def test_who_asks_for_neither_has_nothing_between(lift) -> None:
     assert not [name for name in names if "measured" in name or "delayed" in name]
 
 
+@pytest.mark.slow
 def test_delays_are_states_of_the_linear_model(lift) -> None:
     none = ad.linearize(lift, options=PLAIN)
     options = dc.replace(PLAIN, state_delay=1, command_delay=2)

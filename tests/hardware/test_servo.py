@@ -179,6 +179,7 @@ def test_a_position_step_settles_as_the_poles_say(
     np.testing.assert_allclose(others, np.zeros_like(others), atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("h", STEPS)
 @pytest.mark.parametrize("joint", [0, 1])
 def test_a_step_settles_in_time_without_overshoot_or_moving_others(
@@ -222,6 +223,7 @@ def test_a_ramp_is_followed_without_lag(tmp_path: Path, h: float) -> None:
     assert at_end == pytest.approx(lag, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_large_step_respects_velocity_and_effort_limits(tmp_path: Path) -> None:
     limit = 'lower="-3" upper="3" effort="15" velocity="1"'
 
@@ -334,6 +336,7 @@ def test_what_pushes_into_a_stop_is_forgotten_when_it_stops(
     np.testing.assert_allclose(motion.position[is_late], 0.49, atol=0.02 * 0.02)
 
 
+@pytest.mark.slow
 def test_without_gravity_compensation_the_observer_finds_out_the_weight(
     tmp_path: Path,
 ) -> None:
@@ -418,6 +421,7 @@ def test_a_light_joint_s_rotor_is_in_the_dynamics_and_can_be_left_out(
         assert len(lines) == 1
 
 
+@pytest.mark.slow
 def test_the_observer_does_not_wind_up_while_the_effort_is_at_its_limit(
     tmp_path: Path,
 ) -> None:

@@ -380,6 +380,7 @@ def command(sim: ad.Simulation, controller: str, *values: float) -> None:
     sim.publish(f"{controller}.commands", Float64MultiArray(values), 0.01)
 
 
+@pytest.mark.slow
 def test_joints_keep_their_speed_where_their_commands_change_kind(
     tmp_path: Path,
 ) -> None:
@@ -451,6 +452,7 @@ def test_a_joint_that_is_let_go_and_taken_again_does_not_move(tmp_path: Path) ->
     assert np.abs(position[2000:] - position[1999]).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_one_joint_changes_kind_while_another_one_goes_on(tmp_path: Path) -> None:
     sim = simulate(
         tmp_path,

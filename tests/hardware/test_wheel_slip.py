@@ -138,6 +138,7 @@ def test_the_truth_starts_where_the_base_does() -> None:
     assert (truth.header.frame_id, truth.child_frame_id) == ("odom", "base")
 
 
+@pytest.mark.slow
 def test_odometry_of_slipping_wheels_is_wrong_by_their_slip(tmp_path: Path) -> None:
     smooth = "".join(
         f'<gazebo reference="{link}"><mu1>{mu}</mu1></gazebo>'
@@ -180,6 +181,7 @@ def test_several_robots_have_truths_of_their_own(tmp_path: Path) -> None:
         assert truth.pose.pose.position.y == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["diff_drive", "bicycle"])
 def test_bases_to_begin_with_go_where_their_geometry_says(kind: str) -> None:
     folder = configs_folder() / "wheeled_base"
@@ -201,6 +203,7 @@ def test_bases_to_begin_with_go_where_their_geometry_says(kind: str) -> None:
     assert place.z == pytest.approx(0.0, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_the_program_of_bases_md_runs(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

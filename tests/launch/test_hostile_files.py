@@ -57,6 +57,7 @@ def test_what_is_wrong_with_a_file_is_told_with_its_place(
     assert main(["launch", str(path), "--print"]) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
@@ -86,6 +87,7 @@ def test_what_is_wrong_in_xml_is_told(package: Path, text: str, expected: str) -
     assert str(package) in told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
@@ -194,6 +196,7 @@ def test_a_file_that_never_ends_is_ended(
     assert time.monotonic() - start < 60.0
 
 
+@pytest.mark.slow
 def test_actions_that_start_each_other_for_ever_are_ended(package: Path) -> None:
     before = """
     again = ExecuteProcess(cmd=["ros2", "control", "list"])

@@ -25,6 +25,7 @@ def package(tmp_path: Path) -> Path:
     return make_package(tmp_path)
 
 
+@pytest.mark.slow
 def test_arguments_are_shown_of_what_can_be_read(
     package: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -60,6 +61,7 @@ def test_what_names_no_launch_file_is_told(package: Path) -> None:
         ad.load_launch(path, "side")
 
 
+@pytest.mark.slow
 def test_libraries_of_python_may_be_used(package: Path) -> None:
     before = """
     import numpy as np
@@ -70,6 +72,7 @@ def test_libraries_of_python_may_be_used(package: Path) -> None:
     assert ad.load_launch(path).robots[0].xacro_args == {"height": "0.5"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_changed", [False, True])
 def test_a_document_of_xacro_may_be_changed(package: Path, is_changed: bool) -> None:
     before = f"""
@@ -110,6 +113,7 @@ def test_a_description_that_xacro_refuses_is_told(package: Path) -> None:
         ad.load_launch(describe(package, "", before))
 
 
+@pytest.mark.slow
 def test_the_launch_files_of_moveits_assistant_run(package: Path) -> None:
     config, launch = package / "config", package / "launch"
     (config / "pendulum.srdf").write_text(SRDF, encoding="utf-8")
@@ -178,6 +182,7 @@ def test_actions_of_gazebo_are_its_launch_files(package: Path) -> None:
     assert plan.bridge_files == (package / "b.yaml",)
 
 
+@pytest.mark.slow
 def test_one_description_may_be_spawned_twice(package: Path) -> None:
     path = describe(
         package,
@@ -218,6 +223,7 @@ def test_a_spawner_without_its_manager_starts_nothing(package: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_what_is_sent_to_one_of_several_robots_is_its_motion(package: Path) -> None:
     before = """
     def send(name):
@@ -243,6 +249,7 @@ def test_what_is_sent_to_one_of_several_robots_is_its_motion(package: Path) -> N
     assert "/up/forward/commands is no robot's" in str(plan.report)
 
 
+@pytest.mark.slow
 def test_what_can_not_be_taken_is_reported_with_the_robot(package: Path) -> None:
     path = describe(
         package,
@@ -273,6 +280,7 @@ def test_what_can_not_be_taken_is_reported_with_the_robot(package: Path) -> None
     assert main(["launch", str(path), "--print", "--strict"]) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "entities",
     [
@@ -344,6 +352,7 @@ def test_rviz_may_be_started_with_a_fixed_frame(package: Path) -> None:
     assert plan.rviz == package / "none.rviz"
 
 
+@pytest.mark.slow
 def test_the_command_line_says_how_a_robot_is_loaded(
     package: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -28,6 +28,7 @@ def names(plan: ad.LaunchPlan) -> list[str]:
     return [each.name for each in plan.not_started]
 
 
+@pytest.mark.slow
 def test_a_robot_runs_under_the_controllers_that_are_spawned(package: Path) -> None:
     path = describe(
         package,
@@ -56,6 +57,7 @@ def test_a_robot_runs_under_the_controllers_that_are_spawned(package: Path) -> N
     simulation.run(0.1)
 
 
+@pytest.mark.slow
 def test_what_is_not_spawned_does_not_run(package: Path) -> None:
     path = describe(package, "publisher(), manager(), spawner('forward'),")
 
@@ -65,6 +67,7 @@ def test_what_is_not_spawned_does_not_run(package: Path) -> None:
     assert set(scene.options.inactive) == {"joint_state_broadcaster", "arm_controller"}
 
 
+@pytest.mark.slow
 def test_a_controller_without_parameters_is_told(package: Path) -> None:
     path = describe(package, "publisher(), manager(), spawner('arm_controler'),")
     plan = ad.load_launch(path)
@@ -77,6 +80,7 @@ def test_a_controller_without_parameters_is_told(package: Path) -> None:
     assert "did you mean 'arm_controller'?" in line
 
 
+@pytest.mark.slow
 def test_arguments_have_defaults_choices_and_given_values(package: Path) -> None:
     path = describe(
         package,
@@ -106,6 +110,7 @@ def test_arguments_have_defaults_choices_and_given_values(package: Path) -> None
     assert "no launch argument 'sid'; did you mean 'side'?" in str(plan.report)
 
 
+@pytest.mark.slow
 def test_arguments_without_a_default_are_shown_and_asked_for(package: Path) -> None:
     path = describe(
         package,
@@ -233,6 +238,7 @@ def test_groups_have_names_spaces_and_configurations_of_their_own(
     assert "prefix is outer_" in str(plan.report)
 
 
+@pytest.mark.slow
 def test_two_robots_run_beside_each_other(package: Path) -> None:
     path = describe(
         package,
@@ -388,6 +394,7 @@ def test_files_of_parameters_are_rewritten_into_a_folder_of_the_plan(
     }
 
 
+@pytest.mark.slow
 def test_what_is_written_is_gone_with_the_plan(package: Path) -> None:
     path = describe(
         package,
@@ -480,6 +487,7 @@ def test_commands_mean_what_they_say(package: Path) -> None:
     assert second["goal"]["joint_names"] == ["swing"]
 
 
+@pytest.mark.slow
 def test_a_model_is_put_into_the_world(package: Path) -> None:
     model = package / "ball.sdf"
     model.write_text(
@@ -556,6 +564,7 @@ def test_moveit_configs_find_the_description(package: Path) -> None:
     assert len(plan.robots) == 1
 
 
+@pytest.mark.slow
 def test_a_file_is_found_by_its_package(package: Path, monkeypatch) -> None:
     path = describe(package, "publisher(),")
     monkeypatch.chdir(package.parent)
@@ -575,6 +584,7 @@ def test_a_file_without_a_robot_is_told_so(package: Path) -> None:
         ad.load_launch(path).build_diagram()
 
 
+@pytest.mark.slow
 def test_the_command_line_says_where_one_robot_starts(
     package: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -603,6 +613,7 @@ def test_a_place_for_one_of_two_robots_is_refused(
     assert "--initial is for one robot; it starts 2" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_variables_of_parameter_files_are_launch_configurations(package: Path) -> None:
     file = package / "config" / "controllers.yaml"
     text = file.read_text(encoding="utf-8")
@@ -622,6 +633,7 @@ def test_variables_of_parameter_files_are_launch_configurations(package: Path) -
     assert forward.parameters["joints"].value == ["swing"]
 
 
+@pytest.mark.slow
 def test_arguments_of_a_bridge_give_topics_their_names(package: Path) -> None:
     path = package / "urdf" / "pendulum.urdf.xacro"
     plugin = """
@@ -665,6 +677,7 @@ FRAMES = """
 """
 
 
+@pytest.mark.slow
 def test_static_frames_are_frames_of_the_robot(package: Path) -> None:
     plan = ad.load_launch(describe(package, FRAMES))
 
@@ -677,6 +690,7 @@ def test_static_frames_are_frames_of_the_robot(package: Path) -> None:
     assert lines == ["static frame 'arm' in 'map'", "static frame 'odom' in 'map'"]
 
 
+@pytest.mark.slow
 def test_a_static_frame_says_where_a_robot_stands(package: Path) -> None:
     path = package / "urdf" / "pendulum.urdf.xacro"
     text = path.read_text(encoding="utf-8").replace('"world"', '"foot"')
@@ -701,6 +715,7 @@ def test_a_static_frame_says_where_a_robot_stands(package: Path) -> None:
     assert robot.pose == pytest.approx((1.0, 0.0, 0.0, 0.0, 0.0, 3.141593))
 
 
+@pytest.mark.slow
 def test_a_planner_gives_the_robot_its_groups_and_limits(package: Path) -> None:
     (package / "config" / "my.srdf.xacro").write_text(
         '<robot name="other" xmlns:xacro="http://www.ros.org/wiki/xacro">'
@@ -736,6 +751,7 @@ def test_a_planner_gives_the_robot_its_groups_and_limits(package: Path) -> None:
     assert motion_limits(robot)["swing"].velocity == 0.7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("word", ["", "--activate-as-group"])
 def test_a_group_of_controllers_runs_whole_or_not_at_all(
     package: Path, word: str
@@ -798,6 +814,7 @@ def test_a_node_that_is_not_run_is_told_with_what_it_would_do(package: Path) -> 
     assert teleop.endswith("; the page's teleop moves a base")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("entities", "words", "message"),
     [

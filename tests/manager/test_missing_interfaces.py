@@ -161,6 +161,7 @@ def test_a_chain_with_a_missing_link_is_one_line(
     check_the_rest(sim)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "reader", [forward("bad", "middle/j1"), filtered("bad", "middle/x")]
 )
@@ -190,6 +191,7 @@ def test_a_link_that_did_not_load_is_named_as_such(
     check_the_rest(sim)
 
 
+@pytest.mark.slow
 def test_a_link_that_is_not_active_keeps_the_chain_inactive(tmp_path: Path) -> None:
     sim = simulate(tmp_path, pid("bad", "knee"), forward("top", "bad/j1"))
 

@@ -281,17 +281,15 @@ class ManagedPlayer(Player):
         self.managed.simulator.AdvanceTo((k + 0.5) * self.period)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("distro", "part"),
     [
-        ("jazzy", slice(None, None, 10)),
         # Each scenario in one of the distributions; `make bench` has them in both.
-        pytest.param("jazzy", slice(0, None, 2), marks=pytest.mark.slow),
-        pytest.param("rolling", slice(1, None, 2), marks=pytest.mark.slow),
+        ("jazzy", slice(0, None, 2)),
+        ("rolling", slice(1, None, 2)),
         *(
-            pytest.param(
-                distro, slice(None), marks=[pytest.mark.slow, pytest.mark.long]
-            )
+            pytest.param(distro, slice(None), marks=pytest.mark.long)
             for distro in ("jazzy", "rolling")
         ),
     ],
@@ -346,6 +344,7 @@ class ManagedLoop(OpenLoop):
             self.managed.simulator.AdvanceTo((cycle + 0.5) * period)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "share"),
     [("controller_diff_drive", 0.9), ("controller_pid_controller", 0.95)],
@@ -374,6 +373,7 @@ def motion(*positions: float) -> JointTrajectory:
     return JointTrajectory(joint_names=JOINTS, points=points)
 
 
+@pytest.mark.slow
 def test_an_arm_that_holds_and_moves_ticks_quietly_and_is_heard(count: Count) -> None:
     sim = simulate()
     arm = sim.controller("joint_trajectory_controller")
@@ -393,6 +393,7 @@ def test_an_arm_that_holds_and_moves_ticks_quietly_and_is_heard(count: Count) ->
     np.testing.assert_allclose(sim.joint_states().position[:6], 0.3, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_context_goes_on_from_the_middle_of_quiet_ticks(count: Count) -> None:
     sim = simulate()
     sim.controller("joint_trajectory_controller").send_goal(motion(0.1, 0.2))
@@ -434,6 +435,7 @@ arm:
 """
 
 
+@pytest.mark.slow
 def test_a_forward_controller_ticks_quietly_until_it_fails(
     count: Count, tmp_path: Path
 ) -> None:
@@ -456,6 +458,7 @@ def test_a_forward_controller_ticks_quietly_until_it_fails(
     np.testing.assert_allclose(sim.joint_states().position[:6], 0.1, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_gazebo_s_controllers_tick_steadily_between_messages(count: Count) -> None:
     robot = ad.load_robot("mycobot_280", xacro_args={"control": "gazebo"})
     sim = ad.Simulation(ad.build_diagram(robot, world="void"))
@@ -483,6 +486,7 @@ PUSHED = """
 </robot>"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("may_run_free", [False, True])
 def test_gazebo_s_forces_are_the_same_at_their_limits(
     count: Count, tmp_path: Path, may_run_free: bool
@@ -541,6 +545,7 @@ arm:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "gains"),
     [
@@ -585,6 +590,7 @@ def twist(v: float, w: float) -> TwistStamped:
     return TwistStamped(twist={"linear": {"x": v}, "angular": {"z": w}})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     [
@@ -613,6 +619,7 @@ def test_a_base_ticks_steadily_until_its_command_is_too_old(
     assert sim.topic("/base/odom").value().pose.pose.position.x > 1.0
 
 
+@pytest.mark.slow
 def test_a_base_goes_on_from_the_middle_of_steady_ticks(
     count: Count, tmp_path: Path
 ) -> None:
@@ -636,6 +643,7 @@ def test_a_base_goes_on_from_the_middle_of_steady_ticks(
     assert count.steady_share > 0.95, count
 
 
+@pytest.mark.slow
 def test_gazebo_s_base_ticks_steadily_between_its_odometry(
     count: Count, tmp_path: Path
 ) -> None:
@@ -666,6 +674,7 @@ outer: {{ros__parameters: {{joints: [inner/swing], interface_name: position}}}}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", ["position", "position, velocity"])
 @pytest.mark.parametrize(
     "more",
@@ -708,6 +717,7 @@ controller_manager:
 """
 
 
+@pytest.mark.slow
 def test_a_robot_whose_states_are_broadcast_alone_ticks_steadily(
     count: Count, tmp_path: Path
 ) -> None:
@@ -727,6 +737,7 @@ hand: {ros__parameters: {joint: finger}}
 """
 
 
+@pytest.mark.slow
 def test_a_gripper_ticks_quietly(count: Count, tmp_path: Path) -> None:
     robot = models.load(tmp_path, models.GRIPPER, HAND)
     sim = ad.Simulation(ad.build_diagram(robot, world="void"))

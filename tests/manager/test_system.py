@@ -112,6 +112,7 @@ def states(sim: ad.Simulation) -> dict[str, str]:
     return {row.name: row.state for row in sim.list_controllers()}
 
 
+@pytest.mark.slow
 def test_joints_follow_the_controller_that_is_switched_to(tmp_path):
     sim = simulate(load(tmp_path, groups("position", "velocity", "effort")))
     assert states(sim) == {
@@ -521,6 +522,7 @@ def test_a_limited_command_moves_no_faster_than_the_joint_may(tmp_path):
     assert values(sim)["j1/position"] == pytest.approx(10.0 * PERIOD)
 
 
+@pytest.mark.slow
 def test_a_saved_chain_continues_in_a_rebuilt_diagram_to_the_same_bits(tmp_path):
     robot = load(tmp_path, CHAIN)
     sim = simulate(robot)

@@ -62,6 +62,7 @@ def push(simulation: ad.Simulation, velocity: float) -> None:
     plant.SetFreeBodySpatialVelocity(plant.GetBodyByName("ball"), twist, context)
 
 
+@pytest.mark.slow
 def test_the_error_decays_with_the_gain(head: ad.Robot) -> None:
     found = ad.follow(simulate(head, 0.15, -0.1), "ball", gain=GAIN, duration=2.5)
 
@@ -77,6 +78,7 @@ def test_the_error_decays_with_the_gain(head: ad.Robot) -> None:
     assert size[-1] < 2e-3 + size[0] * math.exp(-2.5 * GAIN)
 
 
+@pytest.mark.slow
 def test_the_error_of_what_moves_is_its_speed_over_the_gain(head: ad.Robot) -> None:
     speed = 0.05
 
@@ -89,6 +91,7 @@ def test_the_error_of_what_moves_is_its_speed_over_the_gain(head: ad.Robot) -> N
     assert np.abs(found.errors).max() < 1.05 * speed / AWAY / GAIN
 
 
+@pytest.mark.slow
 def test_it_holds_still_while_it_sees_nothing_and_goes_on(head: ad.Robot) -> None:
     simulation = simulate(head, 0.1, 0.0)
     plant = simulation.plant
@@ -119,6 +122,7 @@ def test_it_holds_still_while_it_sees_nothing_and_goes_on(head: ad.Robot) -> Non
     assert np.linalg.norm(third.errors[-1]) < 0.02
 
 
+@pytest.mark.slow
 def test_of_what_is_lost_the_time_is_told(head: ad.Robot) -> None:
     simulation = simulate(head, 0.0, 0.0, 3.0)
 
@@ -178,6 +182,7 @@ def test_an_arm_keeps_the_distance_too() -> None:
     assert abs(seen.y) < 3e-3
 
 
+@pytest.mark.slow
 def test_a_distance_that_is_not_held_is_said(head: ad.Robot) -> None:
     # Its joints turn it about its own middle.
     found = ad.follow(simulate(head, 0.0, 0.0), "ball", duration=0.3, distance=0.9)
@@ -192,6 +197,7 @@ def test_a_distance_that_is_not_held_is_said(head: ad.Robot) -> None:
     assert near
 
 
+@pytest.mark.slow
 def test_a_motion_follows_and_says_what_it_lost(head: ad.Robot) -> None:
     motion = parse_motion([{"follow": {"thing": "ball", "duration": 0.2}}])
     simulation = simulate(head, 5.0, 0.0)
@@ -206,6 +212,7 @@ def test_a_motion_follows_and_says_what_it_lost(head: ad.Robot) -> None:
     assert outcome.to_json()["success"] is False
 
 
+@pytest.mark.slow
 def test_a_motion_that_follows_says_how_well_and_ends_a_second_later(
     head: ad.Robot,
 ) -> None:
@@ -229,6 +236,7 @@ def test_a_motion_that_follows_says_how_well_and_ends_a_second_later(
     assert second.time < simulation.time < second.time + 1.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -264,6 +272,7 @@ def test_without_a_camera_there_is_a_hint(head: ad.Robot, tmp_path: Path) -> Non
         )
 
 
+@pytest.mark.slow
 def test_the_controller_is_the_one_that_moves_the_camera(tmp_path: Path) -> None:
     controllers = trajectory_controllers({"lower": ["one"], "upper": ["two"]})
     robot = load(tmp_path, URDF, controllers)

@@ -61,6 +61,7 @@ def turned_by(box: ad.FoundBox, yaw: float) -> float:
     return abs((angle + math.pi / 2) % math.pi - math.pi / 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("yaw", [0.0, 0.3, 0.785, -1.2])
 @pytest.mark.parametrize("height", [0.02, 0.06])
 def test_a_box_seen_from_one_side_is_found_whole(yaw: float, height: float) -> None:
@@ -76,6 +77,7 @@ def test_a_box_seen_from_one_side_is_found_whole(yaw: float, height: float) -> N
     np.testing.assert_allclose(found.plane, [0.0, 0.0, 1.0, 0.0], atol=2e-3)
 
 
+@pytest.mark.slow
 def test_an_eye_below_the_top_sees_two_sides_and_they_suffice() -> None:
     size, middle, eye = (0.08, 0.05, 0.1), (0.0, 0.0, 0.05), (0.5, 0.3, 0.08)
 
@@ -96,6 +98,7 @@ def test_of_one_face_the_depth_is_not_guessed() -> None:
     assert found.reason.endswith("one face of it is seen; how deep it is can't be told")
 
 
+@pytest.mark.slow
 def test_it_is_found_in_any_frame() -> None:
     size, middle = (0.08, 0.05, 0.04), (0.05, -0.02, 0.02)
     cloud = blur(make_table(), make_box(size, middle, 0.3))
@@ -115,6 +118,7 @@ def test_it_is_found_in_any_frame() -> None:
                                atol=1e-2)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_table_is_not_taken_for_the_ground_nor_for_a_box() -> None:
     size, middle = (0.06, 0.04, 0.05), (0.0, 0.0, 0.425)
     ground = spread([-1.0, -1.0, 0.0], [1.0, 1.0, 0.0])
@@ -127,6 +131,7 @@ def test_a_table_is_not_taken_for_the_ground_nor_for_a_box() -> None:
     np.testing.assert_allclose(found.pose.translation(), middle, atol=_NEAR)
 
 
+@pytest.mark.slow
 def test_of_several_the_one_is_returned_that_is_meant() -> None:
     large = ((0.08, 0.06, 0.05), (0.1, 0.1, 0.025))
     small = ((0.03, 0.02, 0.03), (-0.1, -0.1, 0.015))
@@ -154,6 +159,7 @@ def test_what_strays_from_the_table_beside_a_small_box_does_not_count() -> None:
     np.testing.assert_allclose(found.pose.translation(), middle, atol=_NEAR)
 
 
+@pytest.mark.slow
 def test_the_one_that_is_meant_may_stand_on_a_smaller_plane() -> None:
     ground = spread([-1.0, -1.0, 0.0], [1.0, 1.0, 0.0])
     size, middle = (0.06, 0.04, 0.05), (0.0, 0.0, 0.425)
@@ -169,6 +175,7 @@ def test_the_one_that_is_meant_may_stand_on_a_smaller_plane() -> None:
         np.testing.assert_allclose(found.pose.translation(), middle, atol=_NEAR)
 
 
+@pytest.mark.slow
 def test_what_is_no_box_is_not_called_one() -> None:
     angles = np.random.default_rng(0).uniform(0.0, math.pi, (3000, 2))
     ball = 0.04 * np.stack(
@@ -200,6 +207,7 @@ def make_can(radius: float, height: float) -> np.ndarray:
     return np.vstack([side, np.column_stack(top)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [0.01, 0.015, 0.03])
 def test_a_can_is_not_called_a_box(radius: float) -> None:
     noisy = ad.find_box(blur(make_table(), make_can(radius, 0.05)))
@@ -209,6 +217,7 @@ def test_a_can_is_not_called_a_box(radius: float) -> None:
     assert not exact
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("x", "height"), [(-0.055, 0.01), (0.07, 0.035)])
 def test_two_boxes_that_touch_are_not_measured_as_one(x: float, height: float) -> None:
     tall = make_box((0.08, 0.05, 0.05), (0.0, 0.0, 0.025), 0.0)
@@ -280,6 +289,7 @@ def test_wrong_arguments_are_named(
     assert str(error.value) == message
 
 
+@pytest.mark.slow
 def test_a_box_beside_a_robot_is_found_in_a_picture() -> None:
     robot = ad.add_camera(
         ad.load_robot("mycobot_280"), "world", (0.6, 0, 0.4, 0, 0.6, math.pi)

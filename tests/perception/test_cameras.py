@@ -77,6 +77,7 @@ def test_depths_are_those_of_rays(simulation: ad.Simulation) -> None:
     assert np.isposinf(depth[0, 0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("near", "told"),
     [(0.9, 1.0), (1.05, -math.inf), (1.15, 1.2), (1.3, -math.inf), (1.4, math.inf)],
@@ -96,6 +97,7 @@ def test_a_layer_before_the_near_plane_is_too_near_and_what_is_nearer_is_not_the
     assert is_ahead.any() == math.isfinite(told)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("near", "least", "told"),
     [
@@ -202,6 +204,7 @@ def test_nobody_reads_nothing_is_loaded() -> None:
     assert not camera.scenery.is_loaded
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="EGL is Linux's")
 @pytest.mark.parametrize(
     "hidden", [{"__EGL_VENDOR_LIBRARY_DIRS": "/none"}, {"LIBGL_DRIVERS_PATH": "/none"}]
@@ -253,6 +256,7 @@ def _num_entries(camera: Camera) -> int:
     return camera._measured + 1 + camera.num_output_ports()
 
 
+@pytest.mark.slow
 def test_a_simulation_that_is_gone_goes_with_the_first_picture_of_the_next() -> None:
     gc.disable()
     try:
@@ -277,6 +281,7 @@ def test_a_simulation_that_is_gone_goes_with_the_first_picture_of_the_next() -> 
         gc.enable()
 
 
+@pytest.mark.slow
 def test_what_is_read_is_of_its_time_and_poses() -> None:
     # Also where no step of the plant lies between two times.
     robot = ad.load_robot("mycobot_280")
@@ -301,6 +306,7 @@ def test_what_is_read_is_of_its_time_and_poses() -> None:
     assert stamps == [0, 0, 0, 100_000]
 
 
+@pytest.mark.slow
 def test_threads_take_pictures_in_turns(capfd: pytest.CaptureFixture[str]) -> None:
     def shoot(sim: ad.Simulation) -> list[Any]:
         camera = sim.camera("camera")
@@ -324,6 +330,7 @@ def test_threads_take_pictures_in_turns(capfd: pytest.CaptureFixture[str]) -> No
     assert "eglMakeCurrent" not in capfd.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ['<box size="1 1 1"/>', '<mesh filename="{}"/>'])
 def test_what_the_sun_shines_on_has_the_colour_that_it_was_given(
     shape: str, tmp_path: Path
@@ -343,6 +350,7 @@ def test_what_the_sun_shines_on_has_the_colour_that_it_was_given(
     np.testing.assert_allclose(seen, np.array([0.8, 0.2, 0.2]) * 255.0, atol=30.0)
 
 
+@pytest.mark.slow
 def test_noise_is_that_of_its_seed() -> None:
     def look(seed: int) -> np.ndarray:
         robot = ad.add_camera(load(), "eye", name="noisy", width=32, noise=0.1)
@@ -423,6 +431,7 @@ def test_what_add_camera_cannot_use_is_told_in_one_message(
     assert str(error.value) == told
 
 
+@pytest.mark.slow
 def test_a_size_may_be_a_number_of_numpy() -> None:
     robot = ad.add_camera(load(), "eye", name="c", width=np.int64(32), height=24.0)  # type: ignore[arg-type]
 
@@ -466,6 +475,7 @@ _ROOM = """<sdf version="1.11"><world name="room"><model name="m"><static>1</sta
 <link name="l">{visuals}</link></model></world></sdf>"""
 
 
+@pytest.mark.slow
 def test_meshes_that_move_together_are_drawn_as_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

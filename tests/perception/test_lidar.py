@@ -102,6 +102,7 @@ def test_a_turned_box_is_a_plane_at_an_angle() -> None:
     np.testing.assert_allclose(ranges[ahead], expected[ahead], atol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_link_that_is_turned_takes_its_lidar_and_shapes_along() -> None:
     ball = shape('<sphere radius="0.5"/>', xyz="2 0.3 0")
     limits = "<min>0.05</min><max>2.5</max>"
@@ -148,6 +149,7 @@ def test_meshes_that_were_written_here_need_no_library_to_be_read(
     assert lidar.ranges()[0, 180] == pytest.approx(1.9, abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("radius", "most"), [(0.02, 1_100), (0.1, 6_000), (0.5, 30_000), (4.0, 51_000)]
 )
@@ -237,6 +239,7 @@ def load_two(topic: str = "scan") -> ad.Robot:
     return load(shapes, more=f"<topic>{topic}</topic>{more}", end=_REAR)
 
 
+@pytest.mark.slow
 def test_all_that_share_a_topic_publish_on_it() -> None:
     options = ad.SimulationOptions(log_images=("front", "rear"))
     robot = load_two()
@@ -259,6 +262,7 @@ def test_all_that_share_a_topic_publish_on_it() -> None:
     assert stamps == sorted(stamps)
 
 
+@pytest.mark.slow
 def test_a_topic_has_messages_of_one_type() -> None:
     robot = ad.add_camera(load_two("/cam/image"), "eye", name="cam")
     simulation = ad.Simulation(ad.build_diagram(robot))
@@ -318,6 +322,7 @@ def test_noise_is_the_same_with_the_same_seed() -> None:
     assert off.std() == pytest.approx(0.01, abs=4 * 0.01 / math.sqrt(2 * count))
 
 
+@pytest.mark.slow
 def test_a_bias_is_the_same_all_the_time_and_a_precision_rounds() -> None:
     noise = "<noise type='gaussian'><bias_mean>{}</bias_mean><precision>{}</precision>"
     robot = load(
@@ -364,6 +369,7 @@ def test_classics_ray_sees_what_collides() -> None:
     assert simulation.topic("/arm/scan").value().header.frame_id == "eye"
 
 
+@pytest.mark.slow
 def test_without_embree_small_scans_are_the_same(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -495,6 +501,7 @@ def test_classics_ray_looks_out_of_a_mesh_that_it_is_in(tmp_path: Path) -> None:
     np.testing.assert_allclose(inside[170:191], expected[170:191], atol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_public_base_that_drives_sees_the_walls_where_they_are() -> None:
     robot = load_real_robot("pmb2")
     # Its laser has a noise of some centimetres.

@@ -102,6 +102,7 @@ _LENS = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("lens", "projection", "d", "center"),
     [
@@ -140,6 +141,7 @@ def test_corners_of_a_checkerboard_are_where_the_model_has_them(
     np.testing.assert_allclose(cloud[on_board, 0], 0.0, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_depths_and_points_are_those_of_rays_that_meet_a_mesh(tmp_path: Path) -> None:
     ball = trimesh.creation.icosphere(subdivisions=1, radius=0.2)
     ball.export(tmp_path / "ball.stl")
@@ -172,6 +174,7 @@ def test_depths_and_points_are_those_of_rays_that_meet_a_mesh(tmp_path: Path) ->
     np.testing.assert_allclose(above, 0.0, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_what_a_lens_folds_is_not_shown() -> None:
     # 1 - r² is a fold at r = 1 / sqrt(3), shown at 2 / (3 sqrt(3)) = 0.385.
     d = (-1.0, 0.0, 0.0, 0.0, 0.0)

@@ -91,6 +91,7 @@ def test_its_topics_are_those_of_its_tags(simulation: ad.Simulation) -> None:
     }
 
 
+@pytest.mark.slow
 def test_its_depths_are_whole_millimetres_in_its_range(
     simulation: ad.Simulation,
 ) -> None:

@@ -31,6 +31,7 @@ def simulation() -> ad.Simulation:
     return simulation
 
 
+@pytest.mark.slow
 def test_messages_come_at_the_update_rate(simulation: ad.Simulation) -> None:
     logged = simulation.rollout().sensor_messages
 
@@ -43,6 +44,7 @@ def test_messages_come_at_the_update_rate(simulation: ad.Simulation) -> None:
     assert types == {Image, CameraInfo, PointCloud2, LaserScan}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [1e9, 1e4])
 def test_no_sensor_is_read_more_often_than_the_physics_steps(rate: float) -> None:
     robot = ad.add_camera(
@@ -72,6 +74,7 @@ def test_a_rate_of_the_physics_is_taken_as_it_is() -> None:
     assert simulation.camera("cam").sensor.update_rate == 1.0 / 0.003
 
 
+@pytest.mark.slow
 def test_a_logged_picture_is_the_one_of_its_time(simulation: ad.Simulation) -> None:
     robot = next(iter(simulation.robots.values()))
     fresh = ad.Simulation(ad.build_diagram(robot))
@@ -121,6 +124,7 @@ def test_a_bag_has_the_types_that_others_read(
     assert picture.data.tobytes() == first.data
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "largest"), [("jpeg", 12), ("png", 0)])
 def test_pictures_in_a_bag_are_files_where_asked(
     kind: str, largest: int, tmp_path: Path
@@ -164,6 +168,7 @@ def test_formats_that_are_none_are_told() -> None:
     assert str(error.value) == expected
 
 
+@pytest.mark.slow
 def test_a_recorder_writes_each_once(tmp_path: Path) -> None:
     robot = load(more=f"<update_rate>{RATE:g}</update_rate><topic>scan</topic>")
     options = ad.SimulationOptions(log_images=("front",))

@@ -114,6 +114,7 @@ def test_speeds_are_those_of_moveit_then_the_description(robot: ad.Robot) -> Non
     assert limits["c"] == (1.0, 1.0, math.inf)
 
 
+@pytest.mark.slow
 def test_plans_are_as_fast_as_joint_limits_yaml_says(robot: ad.Robot) -> None:
     by_default, whole, half = (
         ad.plan(robot, {"c": 1.0}, group="arm", world="void", velocity_scaling=scaling)
@@ -160,6 +161,7 @@ def test_what_of_moveit_s_files_has_no_effect_is_in_the_report(
     ]
 
 
+@pytest.mark.slow
 def test_a_robot_without_srdf_has_its_controllers_as_groups() -> None:
     robot = ad.load_robot("doosan_a0912")
 

@@ -136,6 +136,7 @@ def count_tries(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return tries
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pointing", [False, True])
 @pytest.mark.parametrize("name", ["doosan_a0912", "mycobot_280"])
 def test_tries_at_once_end_where_each_alone_does(name: str, pointing: bool) -> None:
@@ -400,6 +401,7 @@ def test_bad_arguments(planar: ad.Robot, wrong: dict, message: str) -> None:
     assert str(caught.value) == message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("frame", "tolerance", "message"),
     [

@@ -60,6 +60,7 @@ def without_padding(robot: ad.Robot, plan: ad.Plan) -> CollisionModel:
     return CollisionModel(robot, joints, with_a_post, padding=0.0, positions=initial)
 
 
+@pytest.mark.slow
 def test_the_straight_line_is_blocked_and_the_plan_is_free(
     doosan: ad.Robot, around: ad.Plan
 ) -> None:
@@ -263,6 +264,7 @@ def test_a_slow_clock_changes_nothing(
     assert np.array_equal(positions_of(plan), positions_of(around))
 
 
+@pytest.mark.slow
 def test_a_search_ends_by_its_count_of_iterations(
     doosan: ad.Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -301,6 +303,7 @@ def test_without_the_extra_it_is_named(
     )
 
 
+@pytest.mark.slow
 def test_every_built_in_world_can_be_planned_in(doosan: ad.Robot) -> None:
     for world in ("void", "empty", "house"):
         plan = ad.plan(doosan, {"joint1": 0.3}, world=world)
@@ -347,6 +350,7 @@ def test_a_robot_without_shapes_is_planned_for_with_a_warning() -> None:
     )
 
 
+@pytest.mark.slow
 def test_what_touches_at_the_start_is_told_whatever_was_planned_before() -> None:
     inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
     box = '<geometry><box size="0.2 0.2 0.2"/></geometry>'
@@ -419,6 +423,7 @@ def test_what_is_no_number_is_one_message(
     assert str(caught.value) == message
 
 
+@pytest.mark.slow
 def test_a_glass_is_kept_upright_on_the_way_around_a_post(doosan: ad.Robot) -> None:
     pin = pytest.importorskip("pinocchio")
     pytest.importorskip("ompl")
@@ -546,6 +551,7 @@ def with_many_boxes(plant: MultibodyPlant) -> None:
         plant.RegisterCollisionGeometry(body, place, shape, name, friction)
 
 
+@pytest.mark.slow
 def test_many_shapes_are_checked_in_parts(
     doosan: ad.Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:

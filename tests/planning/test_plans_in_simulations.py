@@ -78,6 +78,7 @@ def test_a_robot_moves_around_what_stands_in_its_way(
     assert simulation.goals[-1].status is ad.GoalStatus.SUCCEEDED
 
 
+@pytest.mark.slow
 def test_what_stands_elsewhere_by_now_is_seen_there(simulation: ad.Simulation) -> None:
     with pytest.raises(ad.PlanningError) as caught:
         ad.plan(simulation, THROUGH)
@@ -92,10 +93,12 @@ def test_what_stands_elsewhere_by_now_is_seen_there(simulation: ad.Simulation) -
         ad.plan(simulation, THROUGH)
 
 
+@pytest.mark.slow
 def test_what_is_ignored_may_be_touched(simulation: ad.Simulation) -> None:
     assert ad.plan(simulation, THROUGH, ignore=["crate"]).end["joint1"] == 0.0
 
 
+@pytest.mark.slow
 def test_what_a_link_holds_takes_room(simulation: ad.Simulation) -> None:
     put_crate(simulation, [-2.0, 0.0, 0.4])
     hand = simulation.link_poses()["link6"].translation()
@@ -114,6 +117,7 @@ def test_what_a_link_holds_takes_room(simulation: ad.Simulation) -> None:
     assert "'ground' and 'what link6 holds' overlap" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_body_that_is_held_moves_along(simulation: ad.Simulation) -> None:
     # Held straight ahead of the robot's base, half a turn takes it into its own side.
     put_crate(simulation, [1.2, -1.6, 0.6])
@@ -127,6 +131,7 @@ def test_a_body_that_is_held_moves_along(simulation: ad.Simulation) -> None:
     assert "'crate' and 'ground' overlap" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_heavier_things_are_moved_within_the_limits_of_effort(
     simulation: ad.Simulation,
 ) -> None:
@@ -139,6 +144,7 @@ def test_heavier_things_are_moved_within_the_limits_of_effort(
     )
 
 
+@pytest.mark.slow
 def test_another_robot_is_in_the_way() -> None:
     left = ad.load_robot("doosan_a0912", name="left", initial_positions=START)
     right = ad.load_robot(
@@ -154,6 +160,7 @@ def test_another_robot_is_in_the_way() -> None:
     assert plan.robot.name == "left"
 
 
+@pytest.mark.slow
 def test_a_robot_that_moves_is_not_planned_for(simulation: ad.Simulation) -> None:
     put_crate(simulation, [-2.0, 0.0, 0.4])
     plan = ad.plan(simulation, {"joint1": 1.0})
@@ -169,6 +176,7 @@ def test_a_robot_that_moves_is_not_planned_for(simulation: ad.Simulation) -> Non
     assert ad.plan(simulation, "home", start=plan.end).end["joint1"] == -1.0
 
 
+@pytest.mark.slow
 def test_a_goal_that_fails_is_raised(simulation: ad.Simulation) -> None:
     put_crate(simulation, [-2.0, 0.0, 0.4])
     simulation.switch_controllers(deactivate=["joint_trajectory_controller"])
@@ -203,6 +211,7 @@ def test_steps_of_a_motion_are_planned_one_after_the_other(
     )
 
 
+@pytest.mark.slow
 def test_a_robot_that_never_rests_is_told_of(simulation: ad.Simulation) -> None:
     put_crate(simulation, [-2.0, 0.0, 0.4])
     steps = [
@@ -303,6 +312,7 @@ BAD = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("value", "message"), BAD)
 def test_steps_that_can_not_be_planned(value: dict, message: str) -> None:
     simulation = ad.Simulation(ad.build_diagram(ad.load_robot("doosan_a0912")))
@@ -313,6 +323,7 @@ def test_steps_that_can_not_be_planned(value: dict, message: str) -> None:
     assert str(caught.value) == message
 
 
+@pytest.mark.slow
 def test_a_group_without_its_controller_is_an_error() -> None:
     simulation = ad.Simulation(ad.build_diagram(ad.load_robot("doosan_a0912")))
 
@@ -369,6 +380,7 @@ def write_mobile_arm(folder: Path) -> tuple[Path, Path]:
     return robot, parameters
 
 
+@pytest.mark.slow
 def test_an_arm_reaches_for_poses_in_the_world_from_where_its_base_stands(
     tmp_path: Path,
 ) -> None:
@@ -396,6 +408,7 @@ def test_an_arm_reaches_for_poses_in_the_world_from_where_its_base_stands(
     assert joint(simulation, "elbow") == pytest.approx(0.5, abs=5e-3)
 
 
+@pytest.mark.slow
 def test_what_was_planned_for_goes_when_nobody_has_it_any_more() -> None:
     robots, diagrams = [], []
     for _ in range(12):

@@ -49,6 +49,7 @@ def jerks_of(plan: ad.Plan) -> tuple[float, float]:
     return float(np.abs(differences).max()), float(np.abs(third).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["doosan_a0912", "mycobot_280"])
 def test_a_line_takes_as_long_as_its_jerk_needs(name: str, tmp_path: Path) -> None:
     robot = with_jerk_limits(name, tmp_path)
@@ -66,6 +67,7 @@ def test_a_line_takes_as_long_as_its_jerk_needs(name: str, tmp_path: Path) -> No
     assert fastest <= plan.duration <= 1.25 * fastest
 
 
+@pytest.mark.slow
 def test_a_way_around_a_post_keeps_limits_of_jerk(tmp_path: Path) -> None:
     pytest.importorskip("ompl")
     robot = with_jerk_limits("doosan_a0912", tmp_path)
@@ -87,6 +89,7 @@ def test_a_way_around_a_post_keeps_limits_of_jerk(tmp_path: Path) -> None:
 FASTEST = 4.0 * (0.7 / (2.0 * 5.0)) ** (1.0 / 3.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("acceleration", [4.0, 16.0])
 def test_more_acceleration_than_jerk_allows_to_use_makes_no_plan_slower(
     tmp_path: Path, acceleration: float
@@ -98,6 +101,7 @@ def test_more_acceleration_than_jerk_allows_to_use_makes_no_plan_slower(
     assert FASTEST <= plan.duration <= 1.25 * FASTEST
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("jerk", "acceleration"), [(JERK, ACCELERATION), (5.0, 16.0)])
 def test_a_straight_line_with_limits_of_jerk_is_straight(
     tmp_path: Path, jerk: float, acceleration: float
@@ -119,6 +123,7 @@ def test_a_straight_line_with_limits_of_jerk_is_straight(
     assert away == pytest.approx(shift, abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("jerk", "joints"),
     [(1e5, ()), (7500.0, ()), (JERK, ("joint2",))],  # The last one doesn't move.
@@ -138,6 +143,7 @@ def test_limits_of_acceleration_are_kept_where_jerk_is_hardly_limited(
     assert 0.9 * ACCELERATION < largest <= 1.02 * ACCELERATION
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", [1e-8, 1e-6, 1e-4, 2e-4])
 def test_a_goal_next_to_the_start_is_a_plan(distance: float) -> None:
     robot = ad.load_robot("doosan_a0912")
@@ -186,6 +192,7 @@ def test_what_damping_and_friction_take_is_left_to_them(
     assert "effort" not in " ".join(plan.warnings)
 
 
+@pytest.mark.slow
 def test_joints_that_damping_slows_down_follow_their_plan() -> None:
     start = {"joint4": -2.5, "joint6": 2.5}
     robot = ad.load_robot("doosan_a0912", initial_positions=start)
@@ -203,6 +210,7 @@ def test_joints_that_damping_slows_down_follow_their_plan() -> None:
     assert behind <= 1.1 * largest / 40.0**2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mass", [0.0, 2.0, 3.9, 3.999, 4.0, 4.001, 8.0])
 @pytest.mark.parametrize("friction", [0.0, 5.0])
 def test_a_weight_that_is_nearly_too_much_makes_no_plan_endless(
@@ -232,6 +240,7 @@ def test_a_weight_that_is_nearly_too_much_makes_no_plan_endless(
     assert warns if left <= 0.0 else (not warns or left < 0.1)
 
 
+@pytest.mark.slow
 def test_damping_leaves_the_scaling_of_velocities_its_say() -> None:
     start = {"joint4": 0.0}
     robot = ad.load_robot("doosan_a0912", initial_positions=start)

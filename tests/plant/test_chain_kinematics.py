@@ -46,6 +46,7 @@ class Pinocchio:
         return (base.inverse() * tip).homogeneous, (R @ J)[:, v_at]
 
 
+@pytest.mark.slow
 def test_poses_and_jacobians_are_pinocchios() -> None:
     robot = ad.load_robot("doosan_a0912")
     description, initial = robot.description, dict(robot.initial_positions)

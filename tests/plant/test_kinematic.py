@@ -80,6 +80,7 @@ def command(sim, controller, *values):
     sim.publish(f"{controller}.commands", Float64MultiArray(values), PERIOD)
 
 
+@pytest.mark.slow
 def test_positions_are_those_commanded_in_the_cycle_before():
     robot = ad.load_robot("doosan_a0912")
     sim = simulate(robot)
@@ -100,6 +101,7 @@ def test_positions_are_those_commanded_in_the_cycle_before():
     assert sim.joint_states().position == (0.5,) * 6
 
 
+@pytest.mark.slow
 def test_links_are_where_physics_has_them_at_the_same_positions():
     initial = {f"joint{k}": 0.1 * k for k in range(1, 7)}
     robot = ad.load_robot("doosan_a0912", initial_positions=initial)
@@ -233,6 +235,7 @@ def test_a_saved_state_continues_in_a_rebuilt_diagram_to_the_same_bits(tmp_path)
     assert state[:2].tolist() == [0.4, 0.3]
 
 
+@pytest.mark.slow
 def test_two_robots_stand_beside_each_other():
     robots = [
         ad.load_robot("doosan_a0912", name=name, pose=(0.0, y, 0.0, 0.0, 0.0, 0.0))

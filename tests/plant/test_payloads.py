@@ -137,6 +137,7 @@ def test_a_run_has_it_as_the_command_line_has(robot: ad.Robot, tmp_path: Path) -
     assert np.abs(rollout.effort).max() > 10.0
 
 
+@pytest.mark.slow
 def test_of_several_robots_each_has_its_own(robot: ad.Robot) -> None:
     left, right = (
         ad.load_robot("lab5_arm", name=name, pose=[0, y, 0, 0, 0, 0])
@@ -305,6 +306,7 @@ def test_a_step_that_cannot_be_says_where(
     assert str(caught.value).startswith(message)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", ["x", "1,2", "", "-1", "nan"])
 def test_words_that_are_no_payload_are_one_message(
     text: str, capsys: pytest.CaptureFixture[str]

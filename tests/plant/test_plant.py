@@ -94,6 +94,7 @@ def test_an_effort_limit_of_0_is_none(tmp_path: Path) -> None:
     assert plant.GetVelocityUpperLimits() == [math.inf]
 
 
+@pytest.mark.slow
 def test_kinematics_and_mass_matrix_are_those_of_another_library() -> None:
     robot = ad.load_robot("doosan_a0912")
     model = pinocchio.buildModelFromXML(robot.description.urdf)
@@ -255,6 +256,7 @@ def test_robots_collide_unless_they_overlap_from_the_start(
     assert results.num_point_pair_contacts() == contacts
 
 
+@pytest.mark.slow
 def test_a_falling_link_comes_to_rest_on_the_ground(tmp_path: Path) -> None:
     robot = models.load(tmp_path, models.FALLING_BALL)
     simulation = ad.Simulation(ad.build_diagram(robot))
@@ -510,6 +512,7 @@ def test_a_free_base_stands_on_its_lowest_point(
     assert start_of(robot, "base") == pytest.approx([0.0, 0.0, lowest], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_free_base_without_mass_gets_one(tmp_path: Path) -> None:
     wheels = {
         name: WHEEL.format(name=name, y=y)
@@ -546,6 +549,7 @@ def test_the_base_of_the_largest_tree_is_the_free_one(tmp_path: Path) -> None:
     assert start_of(robot, "cam") == pytest.approx([0.0, 0.0, 0.0])
 
 
+@pytest.mark.slow
 def test_a_loose_link_that_dips_into_the_ground_stays_on_it(tmp_path: Path) -> None:
     link = body("a").replace(
         "</link>",

@@ -132,6 +132,7 @@ def pendulum(folder: Path, sensors: str, tag: str, yaml: str) -> ad.Simulation:
     return simulate(folder, urdf, yaml, initial_positions={"swing": 1.0})
 
 
+@pytest.mark.slow
 def test_an_imu_on_a_swinging_link_measures_the_closed_form(tmp_path: Path) -> None:
     yaml = controllers(
         imu="imu_sensor_broadcaster/IMUSensorBroadcaster sensor_name: imu, frame_id: x"
@@ -418,6 +419,7 @@ def test_a_hand_that_holds_a_box_feels_its_weight(tmp_path: Path) -> None:
     assert box.translation()[2] > 0.15
 
 
+@pytest.mark.slow
 def test_the_program_of_the_docs_runs() -> None:
     docs = Path(__file__).parents[2] / "docs/sensors.md"
     text = docs.read_text(encoding="utf-8")

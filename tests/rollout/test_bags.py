@@ -22,8 +22,8 @@ from arm_drake.rollout.link_poses import multiply, read_transforms, rotate
 from tests.carts import cart, diff_drive
 from tests.carts import load as load_cart
 
-# How much of a motion is played [s]: the longest one takes half a minute, and none sends
-# anything later of a kind that it hasn't sent by then.
+# How much of a motion is played [s]: the longest one takes half a minute, and in 3 s
+# none sends anything of a kind that it hasn't sent in the first.
 DURATION = 1.0
 
 # What `control` has to be for a motion of the MyCobot.
@@ -117,6 +117,7 @@ def test_a_bag_of_each_motion_is_read_back_complete(
     assert (again.messages, again.goals) == (rollout.messages, rollout.goals)
 
 
+@pytest.mark.slow
 def test_messages_have_the_fields_that_were_sent(tmp_path: Path) -> None:
     sim = ad.Simulation(ad.build_diagram(ad.load_robot("doosan_a0912")))
     points = [
@@ -189,6 +190,7 @@ def test_the_metadata_is_that_of_ros_2(doosan: Any) -> None:
     )
 
 
+@pytest.mark.slow
 def test_reading_from_start_to_end_gives_the_same_as_by_the_index(doosan: Any) -> None:
     _, path = doosan
     found = []
@@ -298,6 +300,7 @@ def test_several_robots_have_namespaces(tmp_path: Path) -> None:
         ad.Rollout.load(tmp_path / "b.mcap", "c")
 
 
+@pytest.mark.slow
 def test_what_a_bag_cannot_tell_as_a_message_it_tells_as_text(tmp_path: Path) -> None:
     sim = ad.Simulation(ad.build_diagram(ad.load_robot("doosan_a0912")))
     sim.switch_controllers(deactivate=["joint_trajectory_controller"])

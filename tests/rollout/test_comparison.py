@@ -320,6 +320,7 @@ def test_json_is_one_object_with_every_column(capsys, files) -> None:
     assert {f.name for f in dc.fields(Comparison)} >= {"columns", "inputs"}
 
 
+@pytest.mark.slow
 def test_the_plot_is_a_picture(capsys, files, tmp_path) -> None:
     code, _ = run(capsys, *files, "--plot", tmp_path / "a.png")
     equal, _ = run(capsys, files[0], files[0], "--plot", tmp_path / "b.svg")

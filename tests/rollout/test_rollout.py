@@ -112,6 +112,7 @@ def test_a_plot_is_written_in_each_format(tmp_path, suffix):
     assert path.read_bytes().startswith(head)
 
 
+@pytest.mark.slow
 def test_the_plot_names_joints_units_and_controllers(tmp_path):
     make_rollout().plot(tmp_path / "a.svg", "tracking")
     text = (tmp_path / "a.svg").read_text(encoding="utf-8")

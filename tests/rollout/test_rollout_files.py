@@ -216,6 +216,7 @@ def test_arrays_of_something_else_are_refused(
     assert message in str(caught.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["?", "u1", "i8"])
 def test_other_numbers_are_read_as_floating_ones(tmp_path: Path, kind: str) -> None:
     path, position = tmp_path / "a.npz", np.array([[3, 0], [2, 1], [0, 0], [1, 2]])
@@ -229,6 +230,7 @@ def test_other_numbers_are_read_as_floating_ones(tmp_path: Path, kind: str) -> N
     loaded.plot(tmp_path / "plot.png")
 
 
+@pytest.mark.slow
 def test_pandas_gets_every_column() -> None:
     frame = FULL.to_pandas()
 
@@ -256,6 +258,7 @@ def test_without_pandas_it_is_said_what_is_missing() -> None:
     assert done.stdout == "Rollout.to_pandas needs `pip install 'arm-drake[pandas]'`\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "problem"),
     [

@@ -35,6 +35,7 @@ def test_the_last_part_is_kept_as_it_was(tmp_path: Path) -> None:
     assert np.array_equal(kept.effort, whole.effort[start:])
 
 
+@pytest.mark.slow
 def test_after_a_reset_it_counts_anew(tmp_path: Path) -> None:
     simulation = ad.Simulation(ad.build_diagram(load(tmp_path, pendulum())))
     history = History(simulation.mailbox, 1.0)
@@ -49,6 +50,7 @@ def test_after_a_reset_it_counts_anew(tmp_path: Path) -> None:
     assert simulation.rollout().time[0] == 0.0
 
 
+@pytest.mark.slow
 def test_without_an_end_of_its_patience_all_is_kept(tmp_path: Path) -> None:
     simulation = ad.Simulation(ad.build_diagram(load(tmp_path, pendulum())))
     history = History(simulation.mailbox, np.inf)

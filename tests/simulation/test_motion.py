@@ -883,6 +883,7 @@ def test_a_last_step_without_time_can_t_be_repeated():
         parse_motion(steps)
 
 
+@pytest.mark.slow
 def test_a_round_that_is_shorter_than_a_tick_is_refused():
     steps = [
         {"at": 0.0, "every": 1e-6, "count": 1, "controller": "c", "commands": [0.0]},

@@ -165,6 +165,7 @@ def test_the_command_line_sets_parameters(
     np.testing.assert_allclose(found, [0.1, 0, 0.2, 0, 0, 0], atol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -89,6 +89,7 @@ def test_messages_are_recorded_with_their_topics(tmp_path: Path) -> None:
     assert messages[0].data == {"data": [0.3, -0.2]}
 
 
+@pytest.mark.slow
 def test_poses_of_a_free_base_are_recorded(tmp_path: Path) -> None:
     robot = load_cart(tmp_path, cart(diff_drive()))
     sim = ad.Simulation(ad.build_diagram(robot))
@@ -109,6 +110,7 @@ def test_poses_of_a_free_base_are_recorded(tmp_path: Path) -> None:
     assert poses[-1, 0] > poses[0, 0] + 1e-3
 
 
+@pytest.mark.slow
 def test_what_made_a_rollout_is_in_it() -> None:
     robot = ad.load_robot("doosan_a0912")
     options = ad.SimulationOptions(gravity=False)
@@ -130,6 +132,7 @@ def test_what_made_a_rollout_is_in_it() -> None:
     assert str(file.parent) not in json.dumps(info)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["a", "b"])
 def test_of_several_robots_each_has_its_own(tmp_path: Path, name: str) -> None:
     robots = [ad.load_robot("doosan_a0912", name=n) for n in "ab"]
@@ -197,6 +200,7 @@ def test_what_is_wanted_is_recorded_also_of_who_commands_efforts(
     assert np.nanmax(np.abs(rollout.command)) > 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pose", [None, (0.3, -0.2, 0.5, 0.1, 0.2, 0.3)])
 def test_links_are_where_drake_has_them(pose: tuple[float, ...] | None) -> None:
     sim = ad.Simulation(ad.build_diagram(ad.load_robot("doosan_a0912", pose=pose)))
@@ -269,6 +273,7 @@ def test_contact_forces_carry_the_weight(tmp_path: Path) -> None:
     assert all(forces[f"{side}_wheel"][-1, 2] > 1.0 for side in ("left", "right"))
 
 
+@pytest.mark.slow
 def test_contact_forces_are_recorded_only_when_asked_for(tmp_path: Path) -> None:
     robot = load_cart(tmp_path, cart(diff_drive()))
     sim = ad.Simulation(ad.build_diagram(robot))

@@ -206,6 +206,7 @@ def test_several_robots_are_in_one_bag(tmp_path: Path) -> None:
     assert len(ad.Rollout.load(tmp_path / "b.csv").time) == 30
 
 
+@pytest.mark.slow
 def test_arrays_cannot_grow(tmp_path: Path) -> None:
     with pytest.raises(InputError) as error:
         make_simulation().record_to(tmp_path / "a.npz")
@@ -359,6 +360,7 @@ def test_a_robot_at_1_khz_has_the_same_rows_in_a_file_as_in_memory(
     assert_same_rows(ad.Rollout.load(tmp_path / "a.mcap"), whole)
 
 
+@pytest.mark.slow
 def test_a_file_is_recorded_to_once_at_a_time(tmp_path: Path) -> None:
     sim, file = make_simulation(), tmp_path / "a.csv"
 
@@ -381,6 +383,7 @@ def test_of_two_recorders_the_one_that_keeps_more_decides(tmp_path: Path) -> Non
         assert sim.rollout().time[0] == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("history", [0.0, -1.0, math.nan, "x", True])
 def test_a_history_that_is_no_time_is_refused(tmp_path: Path, history: Any) -> None:
     with pytest.raises(InputError, match="history must be positive"):

@@ -35,6 +35,7 @@ def trajectory(positions, time: float = 0.2, joints=JOINTS) -> ad.JointTrajector
     return ad.JointTrajectory(joint_names=joints, points=[point])
 
 
+@pytest.mark.slow
 def test_a_goal_goes_through_its_life(sim):
     handle = sim.controller(JTC).send_goal(trajectory([0.05] * 6))
     assert handle.status is ad.GoalStatus.PENDING
@@ -58,6 +59,7 @@ def test_feedback_comes_at_the_action_monitor_rate(sim):
     assert handle.feedback[0].joint_names == JOINTS
 
 
+@pytest.mark.slow
 def test_two_goals_at_once_are_taken_one_after_the_other(sim):
     controller = sim.controller(JTC)
     first = controller.send_goal(trajectory([0.1] * 6))
@@ -73,6 +75,7 @@ def test_two_goals_at_once_are_taken_one_after_the_other(sim):
     np.testing.assert_allclose(sim.joint_states().position, -0.05, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_a_cancelled_goal_stops_the_arm(sim):
     controller = sim.controller(JTC)
     handle = controller.send_goal(trajectory([1.0] * 6, time=2.0))
@@ -87,6 +90,7 @@ def test_a_cancelled_goal_stops_the_arm(sim):
     np.testing.assert_allclose(sim.joint_states().velocity, 0.0, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_rejected_goal_says_why(sim):
     handle = sim.controller(JTC).send_goal(trajectory([0.0], joints=["joint1"]))
     sim.advance_to(0.1)
@@ -94,6 +98,7 @@ def test_a_rejected_goal_says_why(sim):
     assert handle.result.error_string.startswith("joints ['joint2', 'joint3'")
 
 
+@pytest.mark.slow
 def test_a_trajectory_on_the_topic_moves_the_arm(sim):
     sim.controller(JTC).send_trajectory(trajectory([0.1] * 6))
     sim.advance_to(1.0)
@@ -144,6 +149,7 @@ def test_advancing_in_small_steps_changes_nothing(robot):
     assert ends[0] == ends[1] == ends[2]
 
 
+@pytest.mark.slow
 def test_reset_starts_over(sim):
     sim.controller(JTC).send_goal(trajectory([0.3] * 6))
     sim.advance_to(0.5)
@@ -167,6 +173,7 @@ def test_a_simulation_outlives_the_diagrams_python_names(robot):
     np.testing.assert_allclose(sim.joint_states().position, 0.0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_messages_of_a_motion_are_sent_when_they_are_due(sim):
     point = {"positions": [0.1] * 6, "time_from_start": 0.1}
     message = {"joint_names": list(JOINTS), "points": [point]}
@@ -277,12 +284,14 @@ def test_a_motion_is_given_by_name_by_file_or_as_itself():
     assert max(ends[0][1:]) > 0.1
 
 
+@pytest.mark.slow
 def test_without_a_motion_it_runs_for_ten_seconds(sim):
     sim.run()
 
     assert sim.time == 10.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "error", "message"),
     [
@@ -301,6 +310,7 @@ def test_a_bundled_motion_without_its_robot_says_what_is_missing():
         ad.load_motion("tutorial")
 
 
+@pytest.mark.slow
 def test_the_same_message_once_more_is_a_new_one(sim):
     controller, message = sim.controller(JTC), trajectory([0.1] * 6)
     controller.send_trajectory(message)
@@ -314,6 +324,7 @@ def test_the_same_message_once_more_is_a_new_one(sim):
     np.testing.assert_allclose(sim.joint_states().position, 0.1, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_a_simulation_goes_on_from_a_context_of_before(sim):
     sim.advance_to(0.5)
     before = sim.simulator.get_context().Clone()
@@ -327,6 +338,7 @@ def test_a_simulation_goes_on_from_a_context_of_before(sim):
     assert goal.status is ad.GoalStatus.SUCCEEDED
 
 
+@pytest.mark.slow
 def test_a_simulation_goes_on_where_its_simulator_was_taken(sim):
     sim.simulator.AdvanceTo(0.505)
     goal = sim.controller(JTC).send_goal(trajectory([0.1] * 6))
@@ -362,6 +374,7 @@ def test_the_real_time_rate_counts_from_the_run(sim):
     assert 0.15 < time.perf_counter() - start < 3.0
 
 
+@pytest.mark.slow
 def test_a_tolerance_that_does_not_hold_is_noted(sim):
     goal = ad.FollowJointTrajectoryGoal(
         trajectory=trajectory([0.1] * 6),
@@ -393,6 +406,7 @@ def test_a_controller_may_have_any_name(tmp_path, name):
     assert published.Eval(sim.simulator.get_context()).name == JOINTS
 
 
+@pytest.mark.slow
 def test_building_a_diagram_leaves_the_robots_report_alone(tmp_path):
     yaml = tmp_path / "controllers.yaml"
     jtc = "joint_trajectory_controller/JointTrajectoryController"
@@ -472,6 +486,7 @@ def states(sim: ad.Simulation) -> dict[str, str]:
     return {row.name: row.state for row in sim.list_controllers()}
 
 
+@pytest.mark.slow
 def test_the_list_of_controllers_reads_as_a_table(sim):
     listed = sim.list_controllers()
     assert str(listed).splitlines() == [
@@ -584,11 +599,13 @@ def test_a_request_to_switch_is_one(sim):
     assert str(error.value) == "expected a SwitchController, got None"
 
 
+@pytest.mark.slow
 def test_a_controller_is_found_by_its_name_alone(sim):
     with pytest.raises(InputError, match=r"^no controller \[1\]; known: end_effector"):
         sim.controller([1])
 
 
+@pytest.mark.slow
 def test_a_switch_of_several_robots_names_them():
     robots = [
         ad.load_robot("doosan_a0912", name=name, pose=[0, y, 0, 0, 0, 0])
@@ -680,6 +697,7 @@ def test_a_motion_commands_and_switches_controllers(competing):
     assert (competing.rejected, competing.failures) == ([], [])
 
 
+@pytest.mark.slow
 def test_a_motion_scales_the_speed(sim):
     point = {"positions": [0.2] * 6, "time_from_start": 1.0}
     message = {"joint_names": list(JOINTS), "points": [point]}
@@ -775,6 +793,7 @@ def test_a_kinematic_simulation_takes_the_same_messages(multi):
     assert sim.joint_states().position == (0.3, -0.3)
 
 
+@pytest.mark.slow
 def test_what_was_sent_after_a_context_was_saved_is_undone_with_it(tmp_path):
     sim = ad.Simulation(ad.build_diagram(ad.load_robot("doosan_a0912")))
     sim.advance_to(0.3)
@@ -809,6 +828,7 @@ def test_a_simulation_that_cannot_go_on_says_when_and_why(tmp_path):
     assert len(sim.rollout().time) > 0
 
 
+@pytest.mark.slow
 def test_messages_of_one_instant_lie_in_order_as_their_context_knows_them(sim):
     port, messages = f"{JTC}.joint_trajectory", [trajectory([0.1] * 6) for _ in "abcd"]
 

@@ -43,6 +43,7 @@ def arm_of(simulation: ad.Simulation) -> np.ndarray:
     return np.array([values[name] for name in JOINTS])
 
 
+@pytest.mark.slow
 def test_a_point_is_answered_with_joint_positions_which_the_arm_takes(
     robot: ad.Robot, simulation: ad.Simulation
 ) -> None:
@@ -61,6 +62,7 @@ def test_a_point_is_answered_with_joint_positions_which_the_arm_takes(
     assert simulation.mailbox.sent[-1].message.data == (0.0,) * 6
 
 
+@pytest.mark.slow
 def test_a_point_in_a_time_is_a_polynomial_of_degree_five(
     robot: ad.Robot, simulation: ad.Simulation
 ) -> None:
@@ -77,6 +79,7 @@ def test_a_point_in_a_time_is_a_polynomial_of_degree_five(
     assert np.allclose([each.message.data for each in sent], expected, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_controller_that_is_not_active_takes_no_plan(robot: ad.Robot) -> None:
     name = "joint_group_position_controller"
     options = ad.SimulationOptions(inactive=(name,))
@@ -88,6 +91,7 @@ def test_a_controller_that_is_not_active_takes_no_plan(robot: ad.Robot) -> None:
     assert not simulation.mailbox.sent
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("topic", "data", "words"),
     [
@@ -128,6 +132,7 @@ def test_a_point_out_of_reach_moves_nothing_and_is_reported(
     assert result.error > 2.0
 
 
+@pytest.mark.slow
 def test_a_robot_with_a_trajectory_controller_is_asked_alike() -> None:
     doosan = ad.load_robot("doosan_a0912")
     simulation = ad.Simulation(ad.build_diagram(doosan))
@@ -165,6 +170,7 @@ def test_a_plan_is_sent_position_by_position_without_a_trajectory_controller(
     assert np.allclose(arm_of(simulation), [-0.3, 0, 0, 0, 0, 0], atol=0.02)
 
 
+@pytest.mark.slow
 def test_an_unknown_request_is_an_unknown_topic(simulation: ad.Simulation) -> None:
     with pytest.raises(InputError, match="/other/home"):
         simulation.topic("/other/home")

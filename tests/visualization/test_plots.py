@@ -337,6 +337,7 @@ def test_an_overview_of_a_table_says_what_it_lacks():
     assert figure.get_supxlabel().startswith("no way of the end effector: the rollout ")
 
 
+@pytest.mark.slow
 def test_chosen_joints_come_in_the_order_asked_for():
     for kind in ("tracking", "error", "effort", "phase"):
         figure = make_rollout().plot(kind=kind, joints=["lower", "turn"])
@@ -417,6 +418,7 @@ def test_peaks_of_long_runs_are_seen_in_few_points():
     assert np.all(np.diff(x) > 0.0)
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_a_figure_and_no_file_is_needed():
     figure = make_rollout().plot()
 
@@ -475,6 +477,7 @@ def test_what_does_not_exist_is_said(options, message):
     assert str(error.value) == message
 
 
+@pytest.mark.slow
 def test_the_kinds_of_the_command_line_are_those_that_are_drawn(tmp_path):
     for kind in PLOT_KINDS:
         options = make_parser().parse_args(

@@ -27,6 +27,7 @@ from tests.wire.served import simulation
 STORE = get_typestore(Stores.ROS2_JAZZY)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["doosan_a0912", "teslabot"])
 def test_what_is_read_of_a_tick_makes_the_message_of_the_port(robot: str) -> None:
     sim = simulation(robot)
@@ -83,6 +84,7 @@ def goal(controller: LoadedController) -> FollowJointTrajectoryGoal:
     )
 
 
+@pytest.mark.slow
 def test_a_camera_takes_pictures_when_somebody_listens() -> None:
     where = (1.5, 0.0, 1.0, 0.0, 0.4, 3.14)
     robot = ad.add_camera(
@@ -119,6 +121,7 @@ def test_a_camera_takes_pictures_when_somebody_listens() -> None:
     assert (found.encoding, found.data.tobytes()) == ("rgb8", image["data"])
 
 
+@pytest.mark.slow
 def test_sensors_that_share_a_topic_are_all_told_on_it() -> None:
     sim = ad.Simulation(ad.build_diagram(load_two_lidars()))
     server = RosServer(sim, ())
@@ -133,6 +136,7 @@ def test_sensors_that_share_a_topic_are_all_told_on_it() -> None:
     assert {"/front", "/rear"} <= set(server.graph.nodes())
 
 
+@pytest.mark.slow
 def test_what_happens_is_told_in_words_and_who_is_active() -> None:
     sim = simulation()
     server = RosServer(sim, ())
@@ -165,6 +169,7 @@ def test_what_happens_is_told_in_words_and_who_is_active() -> None:
     assert "REJECTED" in str(lines[-1])
 
 
+@pytest.mark.slow
 def test_contact_forces_are_topics_where_they_are_logged(tmp_path: Path) -> None:
     robot = load_cart(tmp_path, cart(diff_drive()))
     options = ad.SimulationOptions(log_contacts=True)

@@ -42,6 +42,7 @@ def lines(path: Path) -> list[str]:
     ]
 
 
+@pytest.mark.slow
 def test_a_robot_lands_on_a_table_that_stands(tmp_path: Path) -> None:
     simulation = simulate(tmp_path, write(tmp_path, TABLE))
 
@@ -316,6 +317,7 @@ def test_a_texture_that_cannot_be_drawn_is_reported(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_a_base_stands_on_the_ground_plane_of_a_file(tmp_path: Path) -> None:
     path = write(tmp_path, "<include><uri>model://ground_plane</uri></include>")
     raised = (0.0, 0.0, 0.5, 0.0, 0.0, 0.0)
@@ -347,6 +349,7 @@ def test_a_plane_is_a_box_behind_it(tmp_path: Path) -> None:
     np.testing.assert_allclose(shape.size(), [4.0, 2.0, 1.0])
 
 
+@pytest.mark.slow
 def test_meshes_are_converted(tmp_path: Path) -> None:
     folder = write_model(
         tmp_path,
@@ -378,6 +381,7 @@ def test_meshes_are_converted(tmp_path: Path) -> None:
     assert fallen == pytest.approx(0.3 + 0.1 - 1.0, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_pieces_of_a_mesh_have_hulls_of_their_own(tmp_path: Path) -> None:
     # Two walls, 1 m high, beside the ball, which falls between them.
     corners = [(x, y, z) for x in (0, 0.1) for y in (-1, 1) for z in (0, 1)]

@@ -8,6 +8,7 @@ from arm_drake.worlds.world import load_world
 from tests.robots import load_real_robot
 
 
+@pytest.mark.slow
 def test_a_simulation_says_where_what_moves_freely_is() -> None:
     ball = ad.Thing("ball", "sphere", (0.02,), mass=0.1, pose=(2.0, 0, 1.0, 0, 0, 0))
     size, pose = (0.1, 0.1, 0.1), (3.0, 0, 0.05, 0, 0, 0)

@@ -66,6 +66,7 @@ def test_a_house_without_its_furniture_loads(name: str) -> None:
     assert not world.has_things
 
 
+@pytest.mark.slow
 def test_a_bundled_robot_stands_on_the_ground_of_another_ones_world() -> None:
     path = real_robot(f"{WORLDS}/empty_classic.world")
     diagram = ad.build_diagram(ad.load_robot("doosan_a0912"), world=str(path))

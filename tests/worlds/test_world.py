@@ -22,6 +22,7 @@ def falling_ball(folder: Path, world: World) -> ad.Simulation:
     return ad.Simulation(ad.build_diagram(robot, world=world))
 
 
+@pytest.mark.slow
 def test_the_ground_of_the_empty_world_is_at_height_0(tmp_path: Path) -> None:
     simulation = falling_ball(tmp_path, "empty")
 
@@ -142,6 +143,7 @@ def test_what_is_neither_a_name_nor_a_function_is_refused(tmp_path: Path) -> Non
     )
 
 
+@pytest.mark.slow
 def test_the_world_of_the_docs_can_be_built():
     docs = Path(__file__).parents[2] / "docs/loading.md"
     programs = re.findall(r"```python\n(.*?)```", docs.read_text("utf-8"), re.DOTALL)

@@ -191,6 +191,7 @@ def test_a_collision_mesh_is_the_thinned_hull_of_its_file(converter):
     assert converter.lines == []
 
 
+@pytest.mark.slow
 def test_the_order_of_triangles_does_not_matter(converter):
     simplices = ConvexHull(ball()).simplices
     first = converter.write("a.stl", binary_stl(ball(), simplices))

@@ -61,6 +61,7 @@ def displays_of(live: LiveSimulation) -> Displays:
     return find_part(live.parts, Displays)
 
 
+@pytest.mark.slow
 def test_topics_are_found_by_their_messages(live: LiveSimulation) -> None:
     kinds = {topic: kind.kind for topic, kind in displays_of(live).topics.items()}
 
@@ -88,6 +89,7 @@ def test_a_path_goes_on_from_where_the_base_is(
     assert points[1] - points[0] == pytest.approx([2.0, 0.0, 0.0], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_path_is_drawn_of_a_base_that_drives(live: LiveSimulation) -> None:
     [topic] = [t for t, k in displays_of(live).topics.items() if k is OdometryPath]
     live.handle([Event(f"display:{topic}", True)])
@@ -143,6 +145,7 @@ def test_sensors_are_shown_from_the_start_where_their_tags_say_so() -> None:
         assert not page.meshcat.HasPath("/drake/camera_frusta/camera_false")
 
 
+@pytest.mark.slow
 def test_each_lidar_of_a_topic_has_its_dots() -> None:
     with Page() as page:
         diagram = ad.build_diagram(load_two(), options=OPTIONS, meshcat=page.meshcat)

@@ -44,6 +44,7 @@ def ball(live: LiveSimulation) -> tuple[np.ndarray, np.ndarray]:
     return X.translation(), V.translational()
 
 
+@pytest.mark.slow
 def test_a_push_is_force_times_time(live: LiveSimulation) -> None:
     live.handle(
         [
@@ -63,6 +64,7 @@ def test_a_push_is_force_times_time(live: LiveSimulation) -> None:
     assert "ball: pushed with 2 N" in live.log
 
 
+@pytest.mark.slow
 def test_what_is_dragged_comes_to_the_pointer_and_stays_when_let_go(
     live: LiveSimulation,
 ) -> None:
@@ -78,6 +80,7 @@ def test_what_is_dragged_comes_to_the_pointer_and_stays_when_let_go(
     assert ball(live)[0] == pytest.approx([1.0, 0.3, 0.6], abs=2e-3)
 
 
+@pytest.mark.slow
 def test_a_link_that_is_pushed_gives_way_and_comes_back(live: LiveSimulation) -> None:
     hands, sim = hands_of(live), live.simulation
     link = live.simulation.robots["arm"].description.links[-1]
@@ -92,6 +95,7 @@ def test_a_link_that_is_pushed_gives_way_and_comes_back(live: LiveSimulation) ->
     assert sim.link_poses()[link].translation() == pytest.approx(before, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_reset_lets_go(live: LiveSimulation) -> None:
     hands_of(live).push("ball", [50.0, 0.0, 0.0], 10.0)
     live.run(0.1)
@@ -101,6 +105,7 @@ def test_a_reset_lets_go(live: LiveSimulation) -> None:
     assert ball(live)[0] == pytest.approx(BALL.pose[:3], abs=1e-6)
 
 
+@pytest.mark.slow
 def test_who_pulls_nothing_changes_nothing(live: LiveSimulation, scene: Scene) -> None:
     alone = ad.Simulation(ad.build_diagram(scene))
     alone.run(0.3, "control")
@@ -111,6 +116,7 @@ def test_who_pulls_nothing_changes_nothing(live: LiveSimulation, scene: Scene) -
     assert np.array_equal(live.simulation.rollout().position, alone.rollout().position)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "value",
     [

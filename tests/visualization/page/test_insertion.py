@@ -55,6 +55,7 @@ def height(simulation: Simulation, name: str) -> float:
     return float(plant.EvalBodyPoseInWorld(context, body).translation()[2])
 
 
+@pytest.mark.slow
 def test_a_thing_falls_from_where_it_is_inserted(page: Page, robot: ad.Robot) -> None:
     live = simulate(page, Scene((robot,)))
     live.run(0.2)
@@ -78,6 +79,7 @@ def test_a_thing_falls_from_where_it_is_inserted(page: Page, robot: ad.Robot) ->
     assert live.simulation.time == 0.0
 
 
+@pytest.mark.slow
 def test_what_would_lie_in_another_thing_is_put_above_it(
     page: Page, robot: ad.Robot
 ) -> None:
@@ -127,6 +129,7 @@ def test_the_readout_tells_of_a_thing_that_is_clicked(
     assert readout.pose().translation() == pytest.approx([3.0, 0.0, 1.0], abs=0.06)
 
 
+@pytest.mark.slow
 def test_a_motion_goes_on_as_if_nothing_had_come(robot: ad.Robot) -> None:
     scene = Scene(
         (robot,), motions={robot.name: ad.load_motion("control", robot=robot)}
@@ -162,6 +165,7 @@ def test_what_a_link_carries_stays_on_it(robot: ad.Robot) -> None:
     assert body.get_mass(plant.GetMyContextFromRoot(simulation.context)) == 1.5
 
 
+@pytest.mark.slow
 def test_what_cannot_be_inserted_is_said(page: Page, robot: ad.Robot) -> None:
     live = simulate(page, Scene((robot,), things=(CUBE,)))
     with pytest.raises(InputError, match="something else is called 'cube'"):

@@ -104,6 +104,7 @@ def position(live: LiveSimulation) -> float:
     return float(live.simulation.joint_states().position[0])
 
 
+@pytest.mark.slow
 def test_an_arrow_drives_a_base_until_it_is_let_go(cart: LiveSimulation) -> None:
     start = place(cart)
     hold(cart, "ArrowUp")
@@ -120,6 +121,7 @@ def test_an_arrow_drives_a_base_until_it_is_let_go(cart: LiveSimulation) -> None
     assert place(cart) == pytest.approx(stopped, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_two_arrows_drive_a_curve(cart: LiveSimulation) -> None:
     hold(cart, "ArrowUp", "ArrowLeft")
     cart.run(0.5)
@@ -128,6 +130,7 @@ def test_two_arrows_drive_a_curve(cart: LiveSimulation) -> None:
     assert cart.remotes[0].value_of("turn") == pytest.approx(0.5)
 
 
+@pytest.mark.slow
 def test_a_browser_that_is_gone_lets_go(
     cart: LiveSimulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -142,6 +145,7 @@ def test_a_browser_that_is_gone_lets_go(
     assert cart.remotes[0].value_of("forward") == 0.0
 
 
+@pytest.mark.slow
 def test_a_digit_jogs_a_joint_and_shift_back(arm: LiveSimulation) -> None:
     hold(arm, "Digit1")
     arm.run(1.0)
@@ -156,6 +160,7 @@ def test_a_digit_jogs_a_joint_and_shift_back(arm: LiveSimulation) -> None:
     assert position(arm) == pytest.approx(-0.5, abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_velocity_ends_with_its_key(arm: LiveSimulation) -> None:
     arm.simulation.switch_controllers(activate=["speeds"], deactivate=["arm"])
     arm.run(0.1)
@@ -178,6 +183,7 @@ def test_keys_do_nothing_while_they_are_off(arm: LiveSimulation) -> None:
     assert position(arm) == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", [None, 3, "Digit1", [3, None, "KeyA", "Digit0"], {}])
 def test_what_makes_no_sense_drives_nothing(arm: LiveSimulation, value: object) -> None:
     arm.handle([Event("keys:on", True), Event("keys:held", value)])

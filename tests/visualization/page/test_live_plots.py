@@ -78,6 +78,7 @@ def test_every_number_that_is_listed_is_found() -> None:
     assert "twist/twist/linear/x" in list_numbers(Odometry())
 
 
+@pytest.mark.slow
 def test_samples_are_what_a_rollout_says(live: LiveSimulation, robot: ad.Robot) -> None:
     plots = plots_of(live)
     plots.add(JOINT)
@@ -94,6 +95,7 @@ def test_samples_are_what_a_rollout_says(live: LiveSimulation, robot: ad.Robot) 
     assert np.ptp(values) > 0.1
 
 
+@pytest.mark.slow
 def test_sampling_leaves_the_simulation_as_it_is(
     live: LiveSimulation, robot: ad.Robot
 ) -> None:
@@ -107,6 +109,7 @@ def test_sampling_leaves_the_simulation_as_it_is(
     assert np.array_equal(live.simulation.rollout().position, alone.rollout().position)
 
 
+@pytest.mark.slow
 def test_without_a_curve_nothing_is_due_and_nothing_is_read(
     live: LiveSimulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -123,6 +126,7 @@ def test_without_a_curve_nothing_is_due_and_nothing_is_read(
     assert len(reads) == read > 0
 
 
+@pytest.mark.slow
 def test_a_curve_that_comes_later_has_no_past(live: LiveSimulation) -> None:
     plots = plots_of(live)
     plots.add(JOINT)
@@ -137,6 +141,7 @@ def test_a_curve_that_comes_later_has_no_past(live: LiveSimulation) -> None:
     assert [row[1] for row in plots.rows] == [row[2] for row in rows]
 
 
+@pytest.mark.slow
 def test_memory_is_bounded(
     live: LiveSimulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -151,6 +156,7 @@ def test_memory_is_bounded(
     assert plots.rows[-1][0] == pytest.approx(0.5, abs=1.01 * PERIOD)
 
 
+@pytest.mark.slow
 def test_a_reset_begins_anew(live: LiveSimulation) -> None:
     plots = plots_of(live)
     plots.add(JOINT)
@@ -163,6 +169,7 @@ def test_a_reset_begins_anew(live: LiveSimulation) -> None:
     assert times[-1] == pytest.approx(0.1, abs=1.01 * PERIOD)
 
 
+@pytest.mark.slow
 def test_a_curve_is_chosen_on_the_panel(live: LiveSimulation) -> None:
     live.handle([Event("plot:topic", "joint_states")])
     live.handle([Event("plot:number", "position[joint3]")])
@@ -172,6 +179,7 @@ def test_a_curve_is_chosen_on_the_panel(live: LiveSimulation) -> None:
     assert plots_of(live).curves == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "message"),
     [

@@ -179,6 +179,7 @@ def test_a_pause_in_the_middle_does_not_change_it(
     assert same_bits(live.simulation.rollout(), expected)
 
 
+@pytest.mark.slow
 def test_a_run_in_steps_does_not_change_it(
     page: Page, robot: ad.Robot, expected: ad.Rollout
 ) -> None:
@@ -446,6 +447,7 @@ def test_news_tell_the_goal_that_is_sent_not_one_beyond_the_range(
     assert "99" not in live.log
 
 
+@pytest.mark.slow
 def test_news_have_a_line_each_the_newest_first(page: Page, robot: ad.Robot) -> None:
     live = make(page, robot)
 
@@ -640,6 +642,7 @@ def test_a_look_at_the_past_does_not_change_what_comes(
     assert same_bits(live.simulation.rollout(), expected)
 
 
+@pytest.mark.slow
 def test_what_was_is_forgotten_with_the_history(page: Page, robot: ad.Robot) -> None:
     live = make(page, robot, motion=None, frame_rate=20.0, history=0.5)
 
@@ -799,6 +802,7 @@ def test_stop_wakes_a_simulation_that_waits_for_a_click(
     assert time.monotonic() - start < 10.0
 
 
+@pytest.mark.slow
 def test_a_click_saves_the_scene_as_it_is_now(
     page: Page, robot: ad.Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -115,6 +115,7 @@ def test_the_fixed_frame_stays_and_the_world_comes_back(
     np.testing.assert_allclose(transform(page.meshcat, "/drake"), np.eye(4))
 
 
+@pytest.mark.slow
 def test_the_trail_is_the_way_of_the_link(page: Page, arm: ad.Simulation) -> None:
     views = LiveViews(page, arm)
     views.set_trail("lower")
@@ -199,6 +200,7 @@ def test_a_controller_of_efforts_says_what_it_follows(
     assert abs(at(sim)["swing"] - wanted) > 0.01
 
 
+@pytest.mark.slow
 def test_of_two_robots_alike_each_has_its_own_ghost(page: Page, tmp_path: Path) -> None:
     robots = []
     for name in ("left", "right"):

@@ -237,6 +237,7 @@ def test_there_is_nothing_to_execute_without_a_plan(
     assert said == ["there is no plan to execute: plan first"]
 
 
+@pytest.mark.slow
 def test_a_simulated_robot_executes_it(live: LiveSimulation) -> None:
     planning = click(live, *above(1.0), "plan", "execute")
     assert planning.status == "executing: arm"
@@ -248,6 +249,7 @@ def test_a_simulated_robot_executes_it(live: LiveSimulation) -> None:
     assert planning.status.startswith("arm: goal SUCCEEDED")
 
 
+@pytest.mark.slow
 def test_stop_cancels_what_a_simulated_robot_does(live: LiveSimulation) -> None:
     slow = ("velocity_scaling", 0.02)
     click(live, *above(1.0), slow, "plan", "execute")

@@ -64,6 +64,7 @@ def test_ros_reads_the_same_yaml(pose):
     assert {type(name) for name in found} <= {str}
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(
     # A joint's name is what stands before the first "="; one that starts with a dash is

@@ -412,6 +412,7 @@ def test_it_reloads_by_itself_when_a_file_changes(
     assert names == [["shoulder", "wrist"], ["shoulder", "elbow"]]
 
 
+@pytest.mark.slow
 def test_it_reloads_when_a_file_that_was_missing_comes(
     page: Page, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -34,6 +34,7 @@ def simulate(page: Page, robot: ad.Robot) -> LiveSimulation:
     return LiveSimulation(page, ad.Simulation(diagram), realtime_rate=0.0)
 
 
+@pytest.mark.slow
 def test_what_is_taught_by_sliders_is_done_by_the_physics(
     page: Page, robot: ad.Robot
 ) -> None:
@@ -55,6 +56,7 @@ def test_what_is_taught_by_sliders_is_done_by_the_physics(
     assert sim.goals[0].status.name == "SUCCEEDED"
 
 
+@pytest.mark.slow
 def test_a_motion_taught_while_it_runs_is_played_by_a_click(
     page: Page, robot: ad.Robot
 ) -> None:
@@ -97,6 +99,7 @@ def test_a_motion_without_way_points_is_said(page: Page, robot: ad.Robot) -> Non
     assert not list(Path().glob("motion*"))
 
 
+@pytest.mark.slow
 def test_way_points_stay_when_the_robot_is_loaded_again(
     page: Page, robot: ad.Robot
 ) -> None:

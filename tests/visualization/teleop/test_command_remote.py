@@ -146,6 +146,7 @@ def test_an_effort_is_a_force_at_the_joint(tmp_path: Path) -> None:
     assert abs(panel.positions(sim)["swing"]) == pytest.approx(balance, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_positions_that_nobody_sent_are_the_measured_ones(tmp_path: Path) -> None:
     yaml = FORWARD.format(joints="shoulder, elbow", interface="position")
     start = {"shoulder": 0.3, "elbow": -0.7}

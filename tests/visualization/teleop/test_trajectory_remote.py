@@ -97,6 +97,7 @@ def test_a_goal_takes_as_long_as_its_slowest_joint() -> None:
     assert all(abs(end[joint] - q) <= FINAL for joint, q in goal.items())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("limit", "percent", "goal", "expected"),
     [
@@ -133,6 +134,7 @@ def test_a_duration_can_be_given(tmp_path: Path) -> None:
     assert travel_time(sim, 0.5) == pytest.approx(0.8, abs=2.01 * sim.period)
 
 
+@pytest.mark.slow
 def test_a_joint_without_end_takes_the_shorter_way(tmp_path: Path) -> None:
     urdf = models.pendulum(limit='effort="100" velocity="10"').replace(
         'type="revolute"', 'type="continuous"'
@@ -153,6 +155,7 @@ def test_a_joint_without_end_takes_the_shorter_way(tmp_path: Path) -> None:
     assert slider(remote, "goal:swing").value == pytest.approx(-3.0)
 
 
+@pytest.mark.slow
 def test_sliders_follow_the_robot_until_a_goal_is_sent(tmp_path: Path) -> None:
     sim, remote = swing(tmp_path)
     remote.widgets()
@@ -181,6 +184,7 @@ def test_sliders_follow_the_robot_until_a_goal_is_sent(tmp_path: Path) -> None:
     assert slider(remote, "goal:swing").value == pytest.approx(0.2, abs=FINAL)
 
 
+@pytest.mark.slow
 def test_joints_that_stay_keep_their_last_goal(tmp_path: Path) -> None:
     yaml = models.trajectory_controllers({"arm": ["shoulder", "elbow"]})
     sim = panel.simulate(models.load(tmp_path, models.TWO_LINKS, yaml))
