@@ -113,18 +113,18 @@ def test_a_box_is_lifted_and_put_where_it_should_be() -> None:
 # Robots with grippers of other kinds: two fingers of an arm of four joints, and one
 # finger of an arm of five.
 OTHERS = {
-    "open_manipulator_x": ((0.2, 0.0), (0.16, 0.08), None),
-    "so100_brukg": ((0.0, -0.25), (0.1, -0.2), COARSE),
+    "open_manipulator_x": ((0.2, 0.0), (0.16, 0.08)),
+    "so100_brukg": ((0.0, -0.25), (0.1, -0.2)),
 }
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OTHERS)
 def test_other_arms_do_so_too(name: str) -> None:
-    start, goal, options = OTHERS[name]
+    start, goal = OTHERS[name]
     robot = load_real_robot(name)
     world = with_things(load_world("empty"), [at(BOX, *start)])
-    simulation = ad.Simulation(ad.build_diagram(robot, world=world, options=options))
+    simulation = ad.Simulation(ad.build_diagram(robot, world=world))
     simulation.advance_to(0.1)
 
     picked = ad.pick(simulation, "box", goal=(*goal, 0.02))
