@@ -112,11 +112,12 @@ class Wiring:
         return self.add(name, MatrixGain(matrix), *ports)
 
     def inverse_dynamics(
-        self, name: str, plant: MultibodyPlant, state: Port, acceleration: OutputPort
+        self, plant: MultibodyPlant, state: Port, acceleration: OutputPort
     ) -> OutputPort:
         """Return the efforts of all joints for their accelerations."""
         mode = InverseDynamics.InverseDynamicsMode.kInverseDynamics
-        dynamics = self.builder.AddNamedSystem(name, InverseDynamics(plant, mode))
+        dynamics = InverseDynamics(plant, mode)
+        self.builder.AddNamedSystem("inverse_dynamics", dynamics)
         for port, target in (
             (state, dynamics.get_input_port_estimated_state()),
             (acceleration, dynamics.get_input_port_desired_acceleration()),
