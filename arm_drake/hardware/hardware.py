@@ -21,7 +21,8 @@ from arm_drake.description.sensors import accelerating_joints
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.hardware.drives import RobotDrive, add_rotors
 from arm_drake.hardware.joint_friction import make_robot_friction
-from arm_drake.hardware.servo import Wiring, make_joint_servo, make_push
+from arm_drake.hardware.servo import make_joint_servo, make_push
+from arm_drake.hardware.wiring import Wiring
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.plant import state_indices
 from arm_drake.plant.sensor_readings import ContactReadings, SensorReadings
@@ -112,6 +113,7 @@ def add_hardware(
                 drive.gains,
                 *state_indices(alone, alone.GetModelInstanceByName("robot"), names),
                 drive.N,
+                twins=drive.twins,
                 has_modes=has_modes,
                 has_limits=has_limits,
                 knows_friction=forces is not None and options.friction_compensation,

@@ -7,12 +7,12 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.systems.primitives import AffineSystem, Saturation, ZeroOrderHold
+from pydrake.systems.primitives import Adder, AffineSystem, Saturation, ZeroOrderHold
 
 from arm_drake.arrays import Array
 from arm_drake.control.servo import FrictionGains, compute_friction_gains
 from arm_drake.description.urdf import RobotDescription
-from arm_drake.hardware.servo import Wiring
+from arm_drake.hardware.wiring import Wiring
 from arm_drake.plant.joint_dynamics import (
     find_followers,
     sample_dynamics,
@@ -39,33 +39,34 @@ def make_dry_friction(
         tau  = clamp(kf (a - q) - df v, ±f)         a[+] = q + (tau + df v) / kf
 
     The input is the robot's state, the output the generalized forces on the robot's
-    velocities. The state is a less the initial positions, so that it starts at zero.
+    velocities. The state is a less the initial positions, so that it starts at zero,
+    and zeros for the velocities.
     """
     n = len(friction)
     one, zero = np.eye(n), np.zeros((n, n))
     kf, df = np.diag(gains.kf), np.diag(gains.df)
+    # The positions turn round, for anchors are added to them.
     picked = np.eye(num_states)[[*positions_at, *velocities_at]]
+    picked[:n] *= -1.0
     start = np.concatenate([initial, np.zeros(n)])
     D = np.zeros((num_velocities, n))
     D[np.array(velocities_at) - (num_states - num_velocities), np.arange(n)] = 1.0
     wiring = Wiring(DiagramBuilder())
     builder = wiring.builder
-    hold = builder.AddNamedSystem("a", ZeroOrderHold(h, n))
-    away = wiring.add(
-        "away", _affine(picked, -start), wiring.source("state", num_states)
+    hold = builder.AddNamedSystem("a", ZeroOrderHold(h, 2 * n))
+    back = wiring.add(
+        "back", _affine(picked, start), wiring.source("state", num_states)
     )
     # Differences of positions are taken first: these are small.
-    gap = wiring.times(
-        "gap",
-        np.block([[-one, zero, one], [zero, one, zero]]),
-        wiring.join("anchored", [away, hold.get_output_port()]),
-    )
-    pull = wiring.times("pull", np.hstack([kf, -df]), gap)
+    gap = builder.AddNamedSystem("gap", Adder(2, 2 * n))
+    for index, port in enumerate((back, hold.get_output_port())):
+        builder.Connect(port, gap.get_input_port(index))
+    pull = wiring.times("pull", np.hstack([kf, -df]), gap.get_output_port())
     limits = Saturation(min_value=-friction, max_value=friction)
     tau = wiring.add("tau", limits, pull)
     inverse = np.diag(1.0 / gains.kf)
-    anchor = np.hstack([one, inverse @ df, inverse])
-    moved = wiring.times("moved", anchor, wiring.join("pulled", [away, tau]))
+    anchor = np.block([[-one, inverse @ df, inverse], [zero, zero, zero]])
+    moved = wiring.times("moved", anchor, back, tau)
     builder.Connect(moved, hold.get_input_port())
     builder.ExportOutput(wiring.times("forces", D, tau), "forces")
     return builder.Build()

@@ -25,7 +25,7 @@ from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.errors import InputError, suggest
 from arm_drake.hardware.hardware import Hardware
-from arm_drake.hardware.servo import Wiring
+from arm_drake.hardware.wiring import Wiring
 from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.options import SimulationOptions
 from arm_drake.python_system import PythonSystem

@@ -15,7 +15,7 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.hardware.drives import make_command_limits
 from arm_drake.hardware.hardware import Hardware
-from arm_drake.hardware.servo import Wiring
+from arm_drake.hardware.wiring import Wiring
 from arm_drake.manager import MANAGER, STORED_PORT, SWITCH_PORT, ControllerManager
 from arm_drake.manager.connections import (
     SampledStates,

@@ -7,12 +7,12 @@ A position command becomes an effort through the robot's own dynamics::
     tau = clamp(bias + s (N' InverseDynamics(q, v, N u) - bias) - f + tau_d, ±limit)
     I   = clamp(w - b v/h, ±max_disturbance)        w[+] = (1 - b) I + b (v/h + s u)
 
-h is the plant's step, b the observer's gain, w its state. N takes the velocities of the
-commanded joints to those of all joints, so mimic joints follow their master. `bias` is
-N' InverseDynamics(q, v, 0), f the dry friction. Where an effort limit is in the way,
-all accelerations are made smaller together, by s <= 1: none is disturbed by what
-another one can't do. brake() is the identity up to the braking error e_b, and then the
-root of e_b (2 |x| - e_b): the speed from which a joint stops in time.
+h is the plant's step, b the observer's gain; what w is made of is its state. N takes
+the velocities of the commanded joints to those of all joints, so mimic joints follow
+their master. `bias` is N' InverseDynamics(q, v, 0), f the dry friction. Where an effort
+limit is in the way, all accelerations are made smaller together, by s <= 1: none is
+disturbed by what another one can't do. brake() is the identity up to the braking error
+e_b, and then the root of e_b (2 |x| - e_b): the speed from which a joint stops in time.
 
 A joint that follows a velocity has u = clamp(kv (v_d - v), ...) + I, one that follows
 an acceleration has u = clamp(a_d, ...) + I, within its velocity limit; one that follows
@@ -61,6 +61,7 @@ effort    n         N·m         what the actuators apply, within the effort lim
 
 import dataclasses as dc
 from collections.abc import Sequence
+from typing import NamedTuple, Self
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -69,15 +70,10 @@ from pydrake.symbolic import abs as abs_
 from pydrake.symbolic import max as max_
 from pydrake.symbolic import min as min_
 from pydrake.symbolic import sqrt as sqrt_
-from pydrake.systems.controllers import InverseDynamics
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import (
     AffineSystem,
-    ConstantVectorSource,
     LinearSystem,
-    MatrixGain,
-    Multiplexer,
-    PassThrough,
     Saturation,
     SymbolicVectorSystem,
     ZeroOrderHold,
@@ -93,6 +89,11 @@ from arm_drake.control.drive_commands import (
 )
 from arm_drake.control.servo import ServoGains
 from arm_drake.description.ros2_control import PidGains
+from arm_drake.hardware.wiring import Port, Wiring
+from arm_drake.plant.plant import simple_joints
+
+# Names of the two robots of a plant that computes efforts for u and for none at once.
+TWINS = ("robot", "twin")
 
 # Above it a flag is set.
 _FLAG = 0.5
@@ -198,24 +199,71 @@ _LEAST_ROOM = 0.1
 _TINY = 1e-12
 
 
-def acceleration_law(
-    gains: ServoGains, layout: Layout, h: float
-) -> SymbolicVectorSystem:
-    """Return what computes the accelerations u, and what the observer keeps of itself.
+class Observer:
+    """What the observer of n joints remembers of the step before.
 
-    Its input is the state, the command, then with an observer w and the last positions
-    that grippers were sent to, and with modes what `measured_acceleration` says. Its
-    output is u, and with an observer (1 - b) I + b v/h and these positions as they are
-    now.
+    These are (1 - b) I + b v/h, the accelerations u that were asked for (0 where a
+    commanded effort alone counted), the positions that grippers were sent to, and by
+    which s each group's u were made smaller. w is made of them where it is read, for a
+    system of its own would cost more.
+    """
+
+    def __init__(self, gains: ServoGains, layout: Layout, num_groups: int) -> None:
+        """Name it; without an observer there is nothing to remember."""
+        n = layout.num_joints if gains.observer_gain else 0
+        grippers = gains.grippers if n else ()
+        self._gains, self._layout = gains, layout
+        self._kept, self._asked = variables("kept", n), variables("asked", n)
+        self._scale = variables("scale", num_groups if n else 0)
+        held = variables("held", len(grippers))
+        self.held_positions = dict(zip(grippers, held, strict=True))
+        self.variables = [*self._kept, *self._asked, *held, *self._scale]
+
+    def w(self, i: int) -> Expression:
+        """Return w of a joint."""
+        u = Expression(self._asked[i])
+        if self._scale:
+            # s is 1 in most steps, and a product is slow.
+            s = self._scale[int(self._gains.group[i])]
+            u = if_then_else(s < 1.0, s * u, u)
+        return self._kept[i] + self._gains.observer_gain * u
+
+    def matrix(self, h: float) -> Array:
+        """Return what makes these of the law's output, the robot's state, and s."""
+        n, b, m = self._layout.num_joints, self._gains.observer_gain, len(self._scale)
+        V = np.zeros((n, self._layout.num_states))
+        V[np.arange(n), self._layout.velocities_at] = b / h
+        one, zero = np.eye(n), np.zeros((n, n))
+        parts = [[zero, (1.0 - b) * one], [one, one]]
+        if self._layout.has_modes:
+            parts = [[zero, (1.0 - b) * one, zero, one], [one, one, zero, zero]]
+        law = np.block(parts)
+        sent = np.eye(len(self.held_positions) + m)
+        found = np.zeros((len(self.variables), law.shape[1] + V.shape[1] + len(sent)))
+        found[: 2 * n, : law.shape[1]] = law
+        at = law.shape[1] + len(self.held_positions)
+        found[:n, at : at + V.shape[1]] = V
+        columns = [*range(law.shape[1], at), *range(at + V.shape[1], found.shape[1])]
+        found[2 * n :, columns] = sent
+        return found
+
+
+def acceleration_law(
+    gains: ServoGains, layout: Layout, observer: Observer, h: float
+) -> SymbolicVectorSystem:
+    """Return what computes the accelerations u.
+
+    Its input is the state, the command, what the observer remembers, and with modes
+    what `measured_acceleration` says. Its output is u; with an observer u - I, I, then
+    with modes what joints have and what is to be added to their w where a commanded
+    effort alone counts, and the positions that grippers are sent to. Nothing is
+    computed twice.
     """
     n, b = layout.num_joints, gains.observer_gain
     x, command = variables("x", layout.num_states), Command(layout)
-    w = variables("w", n if b else 0)
-    grippers = gains.grippers if b else ()
-    held_positions = dict(zip(grippers, variables("held", len(grippers)), strict=True))
     a, r = (variables(name, n if layout.has_modes else 0) for name in ("a", "r"))
-    kept_at_stop = max(0.0, 1.0 - h / _STOP_TIME)
-    accelerations, kept = [], []
+    found: list[Expression] = []
+    disturbances: list[Expression] = []
     for i in range(n):
         q, v = x[layout.positions_at[i]], x[layout.velocities_at[i]]
         if layout.has_modes:
@@ -224,30 +272,62 @@ def acceleration_law(
             u = _desired_by_position(gains, command, i, q, v)
         u = clamp(u, float(gains.max_acceleration[i]))
         if b:
-            shift = b / h * v
-            disturbance = clamp(w[i] - shift, float(gains.max_disturbance[i]))
-            if i in held_positions:
-                # What a gripper pressed against is no load when it is sent elsewhere.
-                step = abs_(command.q_d[i] - held_positions[i]) - gains.step[i]
-                disturbance = if_then_else(step > 0.0, 0.0, disturbance)
-            # Whatever holds a joint at its stop goes away with what pushes it there,
-            # and slowly where nothing does: it may be a load that pulls it back.
-            for stop, side in ((gains.upper[i], 1.0), (gains.lower[i], -1.0)):
-                if np.isfinite(stop):
-                    beyond, outwards = side * (q - float(stop)), side * u
-                    inwards = side * min_(side * disturbance, 0.0)
-                    part = if_then_else(outwards > 0.0, 0.0, kept_at_stop)
-                    pushes = inwards + part * (disturbance - inwards)
-                    disturbance = if_then_else(beyond > 0.0, pushes, disturbance)
-            u = u + disturbance
-            keep = (1.0 - b) * disturbance + shift
-            # What a free joint does is no disturbance when it is taken again.
-            free = shift + b * r[i] if layout.has_modes else shift
-            kept.append(_unless(command.is_tau, i, keep, free))
-        accelerations.append(_unless(command.is_tau, i, u, a))
-    inputs = [*x, *command.variables, *w, *held_positions.values(), *a, *r]
-    now = [Expression(command.q_d[i]) for i in held_positions]
-    return function(inputs, [*accelerations, *kept, *now])
+            disturbance = _disturbance(gains, observer, command, i, q, v, u, h)
+            free = Expression(0.0)
+            disturbances.append(_unless(command.is_tau, i, disturbance, free))
+            found.append(_unless(command.is_tau, i, u, free))
+        else:
+            found.append(_unless(command.is_tau, i, u, a))
+    found += disturbances
+    if b and layout.has_modes:
+        # What a free joint does is no disturbance when it is taken again.
+        for values in (a, [b * one for one in r]):
+            found += [
+                if_then_else(is_set(flag), value, 0.0)
+                for flag, value in zip(command.is_tau, values, strict=True)
+            ]
+    found += [Expression(command.q_d[i]) for i in observer.held_positions]
+    inputs = [*x, *command.variables, *observer.variables, *a, *r]
+    return function(inputs, found)
+
+
+def _disturbance(
+    gains: ServoGains,
+    observer: Observer,
+    command: Command,
+    i: int,
+    q: Variable,
+    v: Variable,
+    u: Expression,
+    h: float,
+) -> Expression:
+    """Return I of a joint, of which the other part of its acceleration is u."""
+    found = observer.w(i) - gains.observer_gain / h * v
+    found = clamp(found, float(gains.max_disturbance[i]))
+    if i in observer.held_positions:
+        # What a gripper pressed against is no load when it is sent elsewhere.
+        step = abs_(command.q_d[i] - observer.held_positions[i])
+        found = if_then_else(step > float(gains.step[i]), 0.0, found)
+    # Whatever holds a joint at its stop goes away with what pushes it there, and
+    # slowly where nothing does: it may be a load that pulls it back.
+    kept_at_stop = max(0.0, 1.0 - h / _STOP_TIME)
+    upper, lower = (
+        _at_stop(found, u, side, kept_at_stop) if np.isfinite(stop) else found
+        for stop, side in ((gains.upper[i], 1.0), (gains.lower[i], -1.0))
+    )
+    if np.isfinite(gains.lower[i]):
+        found = if_then_else(q < float(gains.lower[i]), lower, found)
+    if np.isfinite(gains.upper[i]):
+        found = if_then_else(q > float(gains.upper[i]), upper, found)
+    return found
+
+
+def _at_stop(
+    disturbance: Expression, u: Expression, side: float, kept: float
+) -> Expression:
+    inwards = side * min_(side * disturbance, 0.0)
+    part = if_then_else(side * u > 0.0, 0.0, kept)
+    return inwards + part * (disturbance - inwards)
 
 
 def mixed_command(part: float, start: Array, h: float) -> AffineSystem:
@@ -291,42 +371,38 @@ class EffortLaws:
     """Laws that follow the inverse dynamics; their first inputs are the same.
 
     These are the efforts for u, then where there are such those for no acceleration,
-    those of dry friction, with modes those that are commanded, and whether it is they
-    alone that count, and the limits that are told; n each.
+    both less what dry friction takes, with modes those that are commanded, and whether
+    it is they alone that count, and the limits that are told; n each.
     """
 
-    def __init__(
-        self, gains: ServoGains, layout: Layout, *, knows_friction: bool
-    ) -> None:
+    def __init__(self, gains: ServoGains, layout: Layout) -> None:
         """Name what they read."""
         n = layout.num_joints
         self._gains, self._layout = gains, layout
-        self.knows_friction = knows_friction
         has_limit = bool(np.isfinite(gains.effort_limit).any())
         self.is_limited = gains.is_coordinated and (has_limit or layout.has_limits)
         self._limits = variables("limit", n if layout.has_limits else 0)
         self._tau = variables("tau", n)
         self._bias = variables("bias", n if self.is_limited else 0)
-        self._friction = variables("friction", n if knows_friction else 0)
         self._commanded_effort, self._free = (
             variables(name, n if layout.has_modes else 0) for name in ("told", "free")
         )
-        num_groups = int(gains.group.max()) + 1
-        self._scale = variables("scale", num_groups if self.is_limited else 0)
+        self.num_groups = int(gains.group.max()) + 1 if self.is_limited else 0
+        self._scale = variables("scale", self.num_groups)
 
     def scale(self) -> SymbolicVectorSystem:
         """Return what computes s of each group of joints from the common inputs."""
         scales = [Expression(1.0) for _ in self._scale]
         for i in map(int, np.flatnonzero(self._gains.is_strong)):
             limit = self._limit_of(i)
-            more = self._tau[i] - self._bias[i]
-            bias = Expression(self._bias[i])
-            if self._friction:
-                bias = bias - self._friction[i]
-            room = if_then_else(more > 0.0, limit - bias, limit + bias)
+            tau, bias = self._tau[i], self._bias[i]
+            room = if_then_else(tau > bias, limit - bias, limit + bias)
             # Where there is none, the others are not to stand still all the same.
-            part = max_(room, _LEAST_ROOM * limit) / max_(abs_(more), _TINY * limit)
+            part = max_(room, _LEAST_ROOM * limit)
+            part = part / max_(abs_(tau - bias), _TINY * limit)
             part = _unless(self._free, i, part, Expression(1.0))
+            # Most efforts are within their limits, where it is at least 1.
+            part = if_then_else(abs_(tau) > limit, part, 1.0)
             group = int(self._gains.group[i])
             scales[group] = min_(scales[group], part)
         return function(self._inputs(), [max_(s, _SMALLEST_SCALE) for s in scales])
@@ -340,9 +416,8 @@ class EffortLaws:
         for i in range(self._layout.num_joints):
             tau = Expression(self._tau[i])
             if self.is_limited:
-                tau = self._bias[i] + self._scale_of(i) * (tau - self._bias[i])
-            if self._friction:
-                tau = tau - self._friction[i]
+                s, bias = self._scale[int(self._gains.group[i])], self._bias[i]
+                tau = if_then_else(s < 1.0, bias + s * (tau - bias), tau)
             if self._commanded_effort:
                 tau = _unless(
                     self._free,
@@ -353,41 +428,14 @@ class EffortLaws:
             efforts.append(clamp(tau, self._limit_of(i)))
         return function([*self._inputs(), *self._scale], efforts)
 
-    def observer(self) -> SymbolicVectorSystem:
-        """Return what computes the next w, and passes on where grippers are sent.
-
-        Its input is the output of the acceleration law, then s, if limited, and with
-        modes whether commanded efforts alone count.
-        """
-        n, b = self._layout.num_joints, self._gains.observer_gain
-        u, kept = variables("u", n), variables("kept", n)
-        sent = variables("sent", len(self._gains.grippers))
-        found = [
-            _unless(self._free, i, kept[i] + b * self._scale_of(i) * u[i], kept)
-            for i in range(n)
-        ]
-        commanded = [Expression(position) for position in sent]
-        inputs = [*u, *kept, *sent, *self._scale, *self._free]
-        return function(inputs, [*found, *commanded])
-
-    def _scale_of(self, i: int) -> Expression:
-        if not self.is_limited:
-            return Expression(1.0)
-        return Expression(self._scale[int(self._gains.group[i])])
-
     def _limit_of(self, i: int) -> float | Expression:
         limit = float(self._gains.effort_limit[i])
         return lower_of(limit, self._limits[i]) if self._limits else limit
 
     def _inputs(self) -> list[Variable]:
-        parts = (
-            self._tau,
-            self._bias,
-            self._friction,
-            self._commanded_effort,
-            self._free,
-        )
-        return [variable for part in (*parts, self._limits) for variable in part]
+        efforts = (self._tau, self._bias, self._commanded_effort)
+        parts = (*efforts, self._free, self._limits)
+        return [variable for part in parts for variable in part]
 
 
 def _unless(
@@ -441,11 +489,12 @@ def _brake(error: Expression, begins: float) -> Expression:
     """Return an error, smaller from where a joint has to brake for it."""
     if not np.isfinite(begins):
         return error
-    return if_then_else(
-        error > begins,
+    far = if_then_else(
+        error > 0.0,
         sqrt_(begins * (2.0 * error - begins)),
-        if_then_else(error < -begins, -sqrt_(begins * (-2.0 * error - begins)), error),
+        -sqrt_(begins * (-2.0 * error - begins)),
     )
+    return if_then_else(abs_(error) > begins, far, error)
 
 
 @dc.dataclass(frozen=True)
@@ -520,6 +569,7 @@ def make_joint_servo(
     velocities_at: list[int],
     N: Array,
     *,
+    twins: MultibodyPlant | None = None,
     has_modes: bool = False,
     has_limits: bool = False,
     knows_friction: bool = False,
@@ -529,7 +579,8 @@ def make_joint_servo(
     """Return the servo of a robot's n commanded joints.
 
     The plant holds this robot alone, with the step's damping and its drives' rotors as
-    rotor inertia; N is as for `sample_dynamics`. `has_limits` says that effort and
+    rotor inertia; N is as for `sample_dynamics`. `twins`, named TWINS, are two of them,
+    for a servo whose joints wait for each other. `has_limits` says that effort and
     velocity may be limited at run time, `knows_friction` that dry friction is told and
     made up for. With modes, joints may follow anything else than positions, or the law
     of a PID. With a part of the last command, and then neither modes nor limits, there
@@ -537,39 +588,54 @@ def make_joint_servo(
     """
     h = control_plant.time_step()
     layout = Layout(2 * len(N), positions_at, velocities_at, has_modes, has_limits)
-    laws = EffortLaws(gains, layout, knows_friction=knows_friction)
+    laws = EffortLaws(gains, layout)
+    dynamics = Dynamics.of(control_plant, N, twins if laws.is_limited else None)
+    observer = Observer(gains, layout, laws.num_groups)
     wiring = Wiring(DiagramBuilder())
     state = wiring.source("state", layout.num_states)
-    command = wiring.source("command", layout.num_commands)
+    command: Port = wiring.source("command", layout.num_commands)
     if pid is not None:
         command = wiring.add("pid", pid_law(pid, layout, h), state, command)
     if gains.last_command:
         assert start is not None
-        assert not has_modes
-        assert not has_limits
-        before = np.concatenate([start, np.zeros_like(start)])
-        mixed = mixed_command(gains.last_command, before, h)
-        command = wiring.add("mixed", mixed, command)
-    read = [state, command]
+        command = _mix(wiring, gains, layout, start, command, h)
+    read: list[Port] = [state, command]
     hold = None
     if gains.observer_gain:
-        num_hold = layout.num_joints + len(gains.grippers)
-        hold = wiring.builder.AddNamedSystem("w", ZeroOrderHold(h, num_hold))
-        read.append(hold.get_output_port())
+        hold = ZeroOrderHold(h, len(observer.variables))
+        read.append(wiring.builder.AddNamedSystem("w", hold).get_output_port())
     if has_modes:
-        read.append(
-            wiring.add(
-                "measured_acceleration", measured_acceleration(gains, layout, h), state
-            )
-        )
-    law = wiring.add("acceleration", acceleration_law(gains, layout, h), *read)
-    added = _add_efforts(wiring, laws, layout, control_plant, N, state, command, law)
+        measured = measured_acceleration(gains, layout, h)
+        read.append(wiring.add("measured_acceleration", measured, state))
+    law = wiring.add(
+        "acceleration", acceleration_law(gains, layout, observer, h), *read
+    )
+    friction = [wiring.source("friction", layout.num_joints)] if knows_friction else []
+    # Of the law's output, u is the sum of its first parts.
+    num_parts = 2 + has_modes if gains.observer_gain else 1
+    u = wiring.times("spread", dynamics.accelerations(num_parts, law.size()), law)
+    scale = _add_efforts(wiring, laws, layout, dynamics, state, command, u, friction)
     if hold is not None:
-        new = wiring.add("observer", laws.observer(), law, *added)
+        new = wiring.times("observer", observer.matrix(h), law, state, *scale)
         wiring.builder.Connect(new, hold.get_input_port())
     diagram = wiring.builder.Build()
     diagram.set_name("servo")
     return diagram
+
+
+def _mix(
+    wiring: Wiring,
+    gains: ServoGains,
+    layout: Layout,
+    start: Array,
+    command: Port,
+    h: float,
+) -> Port:
+    """Return a command of positions with a part of that of the step before."""
+    assert not layout.has_modes
+    assert not layout.has_limits
+    before = np.concatenate([start, np.zeros_like(start)])
+    return wiring.add("mixed", mixed_command(gains.last_command, before, h), command)
 
 
 def make_push(effort_limit: Array) -> Diagram:
@@ -581,106 +647,92 @@ def make_push(effort_limit: Array) -> Diagram:
     n = len(effort_limit)
     wiring = Wiring(DiagramBuilder())
     command = wiring.source("command", NUM_PARTS * n)
-    told = np.eye(NUM_PARTS * n)[TAU_D * n : (TAU_D + 1) * n]
+    told = wiring.pick("told", range(TAU_D * n, (TAU_D + 1) * n), command)
     limits = Saturation(min_value=-effort_limit, max_value=effort_limit)
-    effort = wiring.add("effort", limits, wiring.times("told", told, command))
+    effort = wiring.add("effort", limits, told)
     wiring.builder.ExportOutput(effort, "effort")
     diagram = wiring.builder.Build()
     diagram.set_name("servo")
     return diagram
 
 
+class Dynamics(NamedTuple):
+    """A plant for inverse dynamics, of one robot or of two with the same state.
+
+    The second one has no acceleration: its efforts are those for none.
+    """
+
+    plant: MultibodyPlant
+
+    # From the accelerations of the robot's n commanded joints to those of the plant,
+    # and from its efforts to those of these joints, once for each robot.
+    spread: Array
+    gather: Array
+
+    # From the robot's state to that of the plant; None where it is the same.
+    states: Array | None = None
+
+    def accelerations(self, num_parts: int, size: int) -> Array:
+        """Return what makes those of the plant of a vector that begins with parts."""
+        parts = np.hstack(num_parts * [self.spread])
+        rest = np.zeros((len(parts), size - parts.shape[1]))
+        return np.hstack([parts, rest])
+
+    @classmethod
+    def of(cls, plant: MultibodyPlant, N: Array, twins: MultibodyPlant | None) -> Self:
+        """Return that of a robot alone, or with its twin."""
+        if twins is None:
+            return cls(plant, N, N.T)
+        m = len(N)
+        states, picked = np.zeros((4 * m, 2 * m)), np.zeros((2, 2 * m, m))
+        for velocities, name in zip(picked, TWINS, strict=True):
+            model = twins.GetModelInstanceByName(name)
+            for joint in simple_joints(plant):
+                same = twins.GetJointByName(joint.name(), model)
+                states[same.position_start(), joint.position_start()] = 1.0
+                velocities[same.velocity_start(), joint.velocity_start()] = 1.0
+            states[2 * m :, m:] += velocities
+        gather = np.vstack([N.T @ velocities.T for velocities in picked])
+        return cls(twins, picked[0] @ N, gather, states)
+
+
 def _add_efforts(
-    wiring: "Wiring",
+    wiring: Wiring,
     laws: EffortLaws,
     layout: Layout,
-    plant: MultibodyPlant,
-    N: Array,
-    state: OutputPort,
-    command: OutputPort,
-    law: OutputPort,
+    dynamics: Dynamics,
+    state: Port,
+    command: Port,
+    u: OutputPort,
+    friction: Sequence[Port],
 ) -> list[OutputPort]:
-    """Add what makes efforts of accelerations; return s, and which joints are free."""
-    # Of the law's output, u is what the first columns pick.
-    m, rest = len(N), law.size() - layout.num_joints
-    u = wiring.times("spread", np.hstack([N, np.zeros((m, rest))]), law)
-    still = wiring.add("still", ConstantVectorSource(np.zeros(m)))
-    efforts = [wiring.inverse_dynamics("inverse_dynamics", plant, N, state, u)]
-    if laws.is_limited:
-        efforts.append(wiring.inverse_dynamics("bias", plant, N, state, still))
-    if laws.knows_friction:
-        efforts.append(wiring.source("friction", layout.num_joints))
-    free = []
-    if layout.has_modes:
-        efforts.append(wiring.times("told", layout.pick(TAU_D, IS_TAU), command))
-        free = [wiring.times("free", layout.pick(IS_TAU), command)]
+    """Add what makes efforts of accelerations; return s, if efforts are limited."""
+    if dynamics.states is not None:
+        state = wiring.times("both_states", dynamics.states, state)
+    read: list[Port] = [wiring.inverse_dynamics(dynamics.plant, state, u)]
+    # Of both, dry friction takes its part.
+    known = dynamics.gather
+    if friction:
+        one = np.eye(layout.num_joints)
+        taken = np.tile(-one, (len(known) // len(one), 1))
+        known = np.hstack([known, taken])
+        read.extend(friction)
+    told = [TAU_D, IS_TAU] if layout.has_modes else []
     if layout.has_limits:
-        limits = wiring.times("limits", layout.pick(layout.num_parts), command)
-        efforts.append(limits)
-    known = [wiring.join("efforts", efforts)]
+        told.append(layout.num_parts)
+    if told:
+        rows = layout.pick(*told)
+        known = np.block(
+            [
+                [known, np.zeros((len(known), rows.shape[1]))],
+                [np.zeros((len(rows), known.shape[1])), rows],
+            ]
+        )
+        read.append(command)
+    efforts = wiring.times("efforts", np.asarray(known, float), *read)
     scale = []
     if laws.is_limited:
-        scale = [wiring.add("scale", laws.scale(), *known)]
-    effort = wiring.add("effort", laws.effort(), *known, *scale)
+        scale = [wiring.add("scale", laws.scale(), efforts)]
+    effort = wiring.add("effort", laws.effort(), efforts, *scale)
     wiring.builder.ExportOutput(effort, "effort")
-    return [*scale, *free]
-
-
-@dc.dataclass(frozen=True)
-class Wiring:
-    """Adds systems to a builder, connected to what they read."""
-
-    builder: DiagramBuilder
-
-    def source(self, name: str, size: int) -> OutputPort:
-        """Return an input of the diagram, for several systems to read."""
-        wires = self.builder.AddNamedSystem(f"{name}:wires", PassThrough(size))
-        self.builder.ExportInput(wires.get_input_port(), name)
-        return wires.get_output_port()
-
-    def join(self, name: str, ports: Sequence[OutputPort]) -> OutputPort:
-        """Return ports one after another."""
-        if len(ports) == 1:
-            return ports[0]
-        joined = self.builder.AddNamedSystem(
-            name, Multiplexer([p.size() for p in ports])
-        )
-        for index, port in enumerate(ports):
-            self.builder.Connect(port, joined.get_input_port(index))
-        return joined.get_output_port()
-
-    def add(self, name: str, system: System, *read: OutputPort) -> OutputPort:
-        """Add a system of one output, and of one input if it reads anything."""
-        self.builder.AddNamedSystem(name, system)
-        if read:
-            port = self.join(f"{name}:inputs", read)
-            self.builder.Connect(port, system.get_input_port(0))
-        return system.get_output_port(0)
-
-    def times(self, name: str, matrix: Array, port: OutputPort) -> OutputPort:
-        """Return a matrix times a port; the port itself if that changes nothing."""
-        rows, columns = matrix.shape
-        if not rows:
-            return self.add(name, ConstantVectorSource(np.zeros(0)))
-        if rows == columns and np.array_equal(matrix, np.eye(rows)):
-            return port
-        return self.add(name, MatrixGain(matrix), port)
-
-    def inverse_dynamics(
-        self,
-        name: str,
-        plant: MultibodyPlant,
-        N: Array,
-        state: OutputPort,
-        acceleration: OutputPort,
-    ) -> OutputPort:
-        """Return the efforts of the commanded joints for accelerations of all."""
-        mode = InverseDynamics.InverseDynamicsMode.kInverseDynamics
-        dynamics = self.builder.AddNamedSystem(name, InverseDynamics(plant, mode))
-        for port, target in (
-            (state, dynamics.get_input_port_estimated_state()),
-            (acceleration, dynamics.get_input_port_desired_acceleration()),
-        ):
-            self.builder.Connect(port, target)
-        efforts = dynamics.get_output_port_generalized_force()
-        return self.times(f"{name}:gather", N.T, efforts)
+    return scale
