@@ -125,10 +125,19 @@ class SteadyTicks(Protocol[S_co]):
 NEVER_NS = 2**63
 
 
-class SteadyCommand(Generic[S]):
-    """Steady ticks that command the same, for ever if nothing is said."""
+class SilentTicks:
+    """Steady ticks of which nothing is told; some number of them, or for ever."""
 
-    monitor_ns = NEVER_NS
+    monitor_ns = until_ns = NEVER_NS
+
+    def tell(self, time_ns: int, last_ns: int, motions: Array) -> None:
+        """Return None, for there is nothing to tell."""
+        del time_ns, last_ns, motions
+        return None
+
+
+class SteadyCommand(SilentTicks, Generic[S]):
+    """Steady ticks that command the same."""
 
     def __init__(
         self,
@@ -141,11 +150,6 @@ class SteadyCommand(Generic[S]):
         """Create it; `sense` returns the state with what is measured, if any."""
         self._command, self._state, self._sense = command.tolist(), state, sense
         self.until_ns = until_ns
-
-    def tell(self, time_ns: int, last_ns: int, motions: Array) -> None:
-        """Return None, for there is nothing to tell."""
-        del time_ns, last_ns, motions
-        return None
 
     def command(
         self, time_ns: int, motions: Array, memory: list[float]

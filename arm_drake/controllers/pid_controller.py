@@ -28,7 +28,7 @@ from arm_drake.control.pid import (
 from arm_drake.control.trajectory import shortest_angular_distance
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import (
-    NEVER_NS,
+    SilentTicks,
     SteadyTicks,
     UpdateContext,
     UpdateResult,
@@ -390,10 +390,8 @@ class PidControllerState(NamedTuple):
         return self.control.command
 
 
-class _SteadyPids:
+class _SteadyPids(SilentTicks):
     """Ticks of PIDs that take measurements to the same finite references."""
-
-    until_ns = monitor_ns = NEVER_NS
 
     def __init__(
         self,
@@ -404,11 +402,6 @@ class _SteadyPids:
         """Take what a tick has left; `measure` finds measurements in the motions."""
         self._last, self._period_ns, self._measure = last, period_ns, measure
         self._pids = PlainPids(last.rules.pid, period_ns / NANOSECONDS)
-
-    def tell(self, time_ns: int, last_ns: int, motions: Array) -> None:
-        """Return None, for there is nothing to tell."""
-        del time_ns, last_ns, motions
-        return None
 
     def command(
         self, time_ns: int, motions: Array, memory: list[float]

@@ -51,11 +51,15 @@ class PlacedShape(NamedTuple):
 class _Recorder(MultibodyPlant):
     """A plant that only writes down the shapes of functions that add very many."""
 
-    def __init__(self) -> None:
+    def __init__(self, scene_graph: SceneGraph) -> None:
+        """Register it as a source of shapes.
+
+        It has neither the SceneGraph nor bodies: they hold it, and would be kept.
+        """
         super().__init__(time_step=1e-3)
-        self.scene_graph, self.count = SceneGraph(), 0
-        self.recorded: list[tuple[RigidBody, str, Shape, RigidTransform]] = []
-        self.RegisterAsSourceForSceneGraph(self.scene_graph)
+        self.count = 0
+        self.recorded: list[tuple[BodyIndex, str, Shape, RigidTransform]] = []
+        self.RegisterAsSourceForSceneGraph(scene_graph)
 
     def RegisterCollisionGeometry(
         self,
@@ -69,7 +73,7 @@ class _Recorder(MultibodyPlant):
         """Take a shape as MultibodyPlant does, whose time for each grows with them."""
         self.count += 1
         if self.count > _MOST_SHAPES:
-            self.recorded.append((body, name, shape, RigidTransform(X_BG)))
+            self.recorded.append((body.index(), name, shape, RigidTransform(X_BG)))
             return GeometryId.get_new_id()
         known = super().RegisterCollisionGeometry(
             body, X_BG, shape, name, *properties, **named_properties
@@ -82,7 +86,8 @@ def find_standing(
     world: World, package_paths: Sequence[Path] = ()
 ) -> list[PlacedShape]:
     """Return the shapes of a world, as they stand at the start."""
-    source = _Recorder()
+    scene_graph = SceneGraph()
+    source = _Recorder(scene_graph)
     load_world(world, package_paths).add_to(source)
     source.Finalize()
     context = source.CreateDefaultContext()
@@ -90,11 +95,11 @@ def find_standing(
         source.EvalBodyPoseInWorld(context, source.get_body(BodyIndex(index)))
         for index in range(source.num_bodies())
     ]
-    scene_graph, bodies = source.scene_graph, range(source.num_bodies())
+    bodies = range(source.num_bodies())
     standing = _find_shapes(source, scene_graph, poses, bodies)
     for body, name, shape, X_BG in source.recorded:
-        index = int(body.index())
-        label = _name_of(source, body) if index else name
+        index = int(body)
+        label = _name_of(source, source.get_body(body)) if index else name
         standing.append(PlacedShape(label, shape, poses[index] @ X_BG))
     return standing
 

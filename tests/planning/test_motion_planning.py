@@ -1,6 +1,7 @@
 """Plans, judged by other means than those that made them."""
 
 import base64
+import gc
 import itertools
 import math
 import os
@@ -20,7 +21,7 @@ from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.planning.collisions import CollisionModel
-from arm_drake.planning.surroundings import PlacedShape
+from arm_drake.planning.surroundings import PlacedShape, find_standing
 from arm_drake.planning.timing import motion_limits
 from arm_drake.worlds.world import add_world
 
@@ -585,6 +586,35 @@ def test_many_shapes_are_checked_in_parts(
         assert parted.is_edge_free(x, y, 0.1) == whole.is_edge_free(x, y, 0.1)
     # What is out of reach costs nothing.
     assert parted.count_around < whole.count_around == 13
+
+
+def test_configurations_are_free_where_drake_finds_them_so(doosan: ad.Robot) -> None:
+    initial = doosan.initial_positions
+    names = tuple(initial)
+    model = CollisionModel(
+        doosan, names, with_many_boxes, padding=0.02, positions=initial
+    )
+
+    qs = np.random.default_rng(5).uniform(-2.0, 2.0, (300, len(names)))
+    configurations = [model.configuration(q) for q in qs]
+
+    free = list(map(model.checker.CheckConfigCollisionFree, configurations))
+    assert [model.is_free(q) for q in qs] == free
+    # Some are apart, but nearer than the padding.
+    clearances = [model.clearance([q], 0.3) for q in qs]
+    assert any(0.0 < clearance < 0.02 for clearance in clearances)
+    assert 50 < sum(free) < 250
+
+
+def test_worlds_that_were_looked_at_are_no_longer_in_memory() -> None:
+    def count() -> int:
+        gc.collect()
+        kinds = map(type, gc.get_objects())
+        return sum(issubclass(kind, MultibodyPlant) for kind in kinds)
+
+    before = count()
+    assert len(find_standing("house")) > 256  # Of so many some are written down.
+    assert count() == before
 
 
 def test_parts_that_are_all_far_away_leave_plans_as_they_are(

@@ -34,6 +34,7 @@ from arm_drake.controllers.bases.base import (
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import (
     NEVER_NS,
+    SilentTicks,
     SteadyCommand,
     SteadyTicks,
     UpdateContext,
@@ -258,10 +259,8 @@ class DiffDriveState(NamedTuple):
     cmd_vel_out: TwistStamped = TwistStamped()
 
 
-class _SteadyDrive:
+class _SteadyDrive(SilentTicks):
     """Ticks of a base with the same reference, while its wheels are measured."""
-
-    monitor_ns = NEVER_NS
 
     def __init__(
         self,
@@ -274,11 +273,6 @@ class _SteadyDrive:
         self._system, self._last, self.until_ns = system, last, until_ns
         self._dt = period_ns / NANOSECONDS
         self._window = last.odometry.mean.window
-
-    def tell(self, time_ns: int, last_ns: int, motions: Array) -> None:
-        """Return None, for there is nothing to tell."""
-        del time_ns, last_ns, motions
-        return None
 
     def command(
         self, time_ns: int, motions: Array, memory: list[float]

@@ -31,7 +31,7 @@ from arm_drake.controllers.bases.base import (
 )
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import (
-    NEVER_NS,
+    SilentTicks,
     SteadyTicks,
     UpdateContext,
     UpdateResult,
@@ -178,10 +178,8 @@ class GazeboDriveState(NamedTuple):
     inbox: Inbox = Inbox()
 
 
-class _SteadyDrive:
+class _SteadyDrive(SilentTicks):
     """Ticks of a base that aims at the same velocity and publishes nothing."""
-
-    monitor_ns = NEVER_NS
 
     def __init__(
         self, system: "DiffDrive", last: GazeboDriveState, period_ns: int
@@ -189,11 +187,6 @@ class _SteadyDrive:
         """Take what a tick has left, and whose ticks these are."""
         self._system, self._last, self._dt = system, last, period_ns / NANOSECONDS
         self.until_ns = last.published_ns + system._period_ns
-
-    def tell(self, time_ns: int, last_ns: int, motions: Array) -> None:
-        """Return None, for there is nothing to tell."""
-        del time_ns, last_ns, motions
-        return None
 
     def command(
         self, time_ns: int, motions: Array, memory: list[float]

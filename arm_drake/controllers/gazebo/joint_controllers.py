@@ -15,7 +15,11 @@ import numpy as np
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.cycles import NEVER_NS, UpdateContext, UpdateResult
+from arm_drake.controllers.cycles import (
+    SilentTicks,
+    UpdateContext,
+    UpdateResult,
+)
 from arm_drake.controllers.gazebo.plugin import (
     GazeboPid,
     GazeboPidState,
@@ -34,7 +38,6 @@ from arm_drake.description.gazebo_plugins import (
     JointPositionController as JointPositionControllerTag,
 )
 from arm_drake.messages import NANOSECONDS, Float32, Float64
-from arm_drake.timing import has_rate
 
 _GAINS = ("p_gain", "i_gain", "d_gain")
 _LIMITS = ("i_max", "i_min", "cmd_max", "cmd_min", "cmd_offset")
@@ -132,11 +135,10 @@ class GazeboCommandBase(TopicController[JointCommandState]):
     ) -> "SteadyForces | None":
         """Return the forces that follow from targets that stay."""
         del time_ns
-        params, rate = self.params, self.params.update_rate
-        is_whole = has_rate(params.period, rate) and NANOSECONDS % rate == 0
-        if self._moved_by.size or not is_whole:
+        period_ns = self.whole_period_ns
+        if self._moved_by.size or period_ns is None:
             return None
-        period = NANOSECONDS // rate / NANOSECONDS
+        period = period_ns / NANOSECONDS
         return SteadyForces(last.state, self._pid, self._forces, self._read_at, period)
 
     def remember(self, state: JointCommandState) -> list[float]:
@@ -183,14 +185,12 @@ class GazeboCommandBase(TopicController[JointCommandState]):
         return state._replace(command=self._at_rest)
 
 
-class SteadyForces:
+class SteadyForces(SilentTicks):
     """Forces of n tags on k joints while their targets stay, in plain numbers.
 
     They remember integral terms and errors, n each, and the efforts. To the bit what
     `GazeboPid.step` and `JointForces.to_efforts` give, in a fifth of the time.
     """
-
-    until_ns = monitor_ns = NEVER_NS
 
     def __init__(
         self,
@@ -216,11 +216,6 @@ class SteadyForces:
         self._tags = list(zip(*(c.tolist() for c in columns), strict=True))
         self._places = forces.places()
         self._rest = [0.0] * len(forces.joints)
-
-    def tell(self, time_ns: int, last_ns: int, motions: Array) -> None:
-        """Return None, for there is nothing to tell."""
-        del time_ns, last_ns, motions
-        return None
 
     def command(
         self, time_ns: int, motions: Array, memory: list[float]
