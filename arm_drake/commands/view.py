@@ -120,13 +120,12 @@ def view_scene(options: argparse.Namespace, scene: Scene) -> int:
             with page.drawing():
                 views.draw()
             # A house around the robots would be all that is seen of them.
-            seen = [
+            paths = [
                 f"drake/{kind}/{name}" for kind in shown for name in simulation.robots
             ]
-            seen = [path for path in seen if page.meshcat.HasPath(f"/{path}")] or [
-                "drake"
-            ]
-            save_screenshot(page.meshcat, options.screenshot, paths=seen)
+            drawn = [path for path in paths if page.meshcat.HasPath(f"/{path}")]
+            paths = drawn or ["drake"]
+            save_screenshot(page.meshcat, options.screenshot, paths=paths)
             place = {"screenshot": str(options.screenshot)}
             text = f"screenshot: {options.screenshot}"
             print(json.dumps(summary | place) if options.json else text)

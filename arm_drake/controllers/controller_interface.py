@@ -236,6 +236,11 @@ class ControllerInterface(PythonSystem):
             values[target_indices] = read(context)[source_indices]
         return values
 
+    def find_lasting_fault(self, context: Context, message: object) -> str:
+        """Return why it refuses a message whenever it comes; "" if it needn't."""
+        del context, message
+        return ""
+
     def find_look(self, port: str) -> Look | None:
         """Return what reads a port's message so that it can be made elsewhere.
 

@@ -492,10 +492,8 @@ class CollisionModel:
         matrix[np.equal.outer(kinds, kinds) & (matrix == 0)] = 1
         self._bodies, self._filters = index, matrix
         # Neither an SRDF nor what always touches depends on the world.
-        known, key = (
-            _disabled.setdefault(robot, {}),
-            (self.joints, self._checker_padding),
-        )
+        known = _disabled.setdefault(robot, {})
+        key = self.joints, self._checker_padding
         if key not in known:
             disabled = find_disabled_collisions(robot, LoadReport())
             self._leave_out(disabled)

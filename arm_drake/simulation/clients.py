@@ -33,7 +33,6 @@ from arm_drake.messages import (
     Float32,
     Float64,
     Float64MultiArray,
-    FollowJointTrajectoryGoal,
     Goal,
     GripperCommand,
     JointTrajectory,
@@ -104,24 +103,15 @@ class ControllerHandle:
         elif not isinstance(message, SwitchController):
             make_message(self._topics, message)
 
-    def find_fault(self, message: JointTrajectory | FollowJointTrajectoryGoal) -> str:
+    def find_lasting_fault(self, message: object) -> str:
         """Return why the controller refuses a message whenever it comes, or "".
 
         Args:
-            message: A trajectory for its topic, or a goal for its action.
+            message: One for its topic, or a goal for its action.
         """
-        # Not at the top: a robot without such a controller needs nothing of it.
-        from arm_drake.controllers.joint_trajectory.controller import (
-            JointTrajectoryController,
-        )
-        from arm_drake.controllers.joint_trajectory.goals import find_lasting_fault
-
-        system = self._system
-        if not isinstance(system, JointTrajectoryController):
-            return ""
         root = self._mailbox.simulator.get_context()
-        rules = system.rules(system.GetMyContextFromRoot(root))
-        return find_lasting_fault(rules, message)
+        context = self._system.GetMyContextFromRoot(root)
+        return self._system.find_lasting_fault(context, message)
 
     def command(
         self,

@@ -9,7 +9,6 @@ from pydrake.math import RigidTransform
 from arm_drake.description.joints import beyond_limits
 from arm_drake.errors import ArmDrakeError, InputError, MotionError
 from arm_drake.messages import (
-    FollowJointTrajectoryGoal,
     JointTrajectory,
     SwitchController,
 )
@@ -346,11 +345,8 @@ def check_trajectories(simulation: Runner, motion: Motion) -> None:
         if isinstance(message, TopicMessage):
             names = simulation.topic(message.topic).controllers
             message = message.data
-        if not isinstance(message, JointTrajectory | FollowJointTrajectoryGoal):
-            continue
-        for name in names:
-            assert name is not None  # Only a switch is for nobody.
-            if fault := simulation.controller(name).find_fault(message):
+        for name in filter(None, names):  # A switch is for nobody.
+            if fault := simulation.controller(name).find_lasting_fault(message):
                 raise MotionError(
                     f"{name}: {fault}",
                     file=motion.file,

@@ -48,6 +48,7 @@ from arm_drake.controllers.joint_trajectory.goals import (
     commanded_before,
     conclude,
     conclude_if_due,
+    find_lasting_fault,
     hold,
     install,
     is_executing,
@@ -648,9 +649,11 @@ class JointTrajectoryController(
         inbox, state = self._state(context)
         return query(inbox.rules, state, Time.of(time).to_nanoseconds())
 
-    def rules(self, context: Context) -> JointTrajectoryRules:
-        """Return the rules of the last tick."""
-        return self._state(context).inbox.rules
+    def find_lasting_fault(self, context: Context, message: object) -> str:
+        """Return why the last tick's rules refuse a trajectory whenever it comes."""
+        if not isinstance(message, JointTrajectory | FollowJointTrajectoryGoal):
+            return ""
+        return find_lasting_fault(self._state(context).inbox.rules, message)
 
     def _declare_input(self, name: str) -> InputPort:
         return self.DeclareAbstractInputPort(name, AbstractValue.Make(()))
