@@ -27,7 +27,7 @@ from arm_drake.description.joints import JointInfo
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.urdf import RobotDescription, reach, total_mass
-from arm_drake.hardware.servo import TWINS, DrivePid
+from arm_drake.hardware.servo import DrivePid
 from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.manager.loaded_controllers import (
     LoadedController,
@@ -43,8 +43,6 @@ from arm_drake.plant.joint_dynamics import (
     velocity_map,
 )
 from arm_drake.plant.plant import (
-    add_actuators,
-    add_robot_model,
     make_reduced_plant,
     set_gravity,
     set_initial_positions,
@@ -92,10 +90,6 @@ class RobotDrive:
     # Plant that the servo computes with: the robot alone, on a fixed base, with what
     # the step adds to its inertia. It must live as long as the servo.
     plant: MultibodyPlant
-
-    # Two of them in one plant, for efforts with accelerations and without at once;
-    # None if nobody waits where efforts are at their limits. It must live as long.
-    twins: MultibodyPlant | None
 
     # Velocities of all joints per velocity of a commanded one, see `velocity_map`.
     N: np.ndarray
@@ -148,18 +142,18 @@ def make_robot_drive(
     go; wheels move `load_inertia` [kg·m^2]; `period` [s] is that of commands.
     """
     joints = commanded_joints(description)
-    names = [joint.name for joint in joints]
     plant = make_servo_plant(description, pose, options, time_step, trial)
     N, n = velocity_map(plant, description, joints), len(joints)
     samples = sample_dynamics(plant, N, find_followers(plant, description))
     limits = drive_limits(joints)
-    is_driven = np.array([name not in effort_only for name in names], dtype=bool)
+    is_driven = np.array([j.name not in effort_only for j in joints], dtype=bool)
     strength = _strength(description, limits, samples)
     lacking = compute_rotor_inertia(samples, limits, strength, time_step) * is_driven
     rotors = lacking * _gets_rotors(options, time_step)
-    add_rotors(plant, dict(zip(names, rotors, strict=True)))
-    rows = [(declared_gains or {}).get(name, DriveGains()) for name in names]
-    rated = tuple(n for n, row in zip(names, rows, strict=True) if row.position_rate)
+    add_rotors(plant, dict(zip([j.name for j in joints], rotors, strict=True)))
+    if not options.gravity_compensation:
+        plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, 0.0])
+    rows = [(declared_gains or {}).get(joint.name, DriveGains()) for joint in joints]
     pid = DrivePid([r.position_pid for r in rows], [r.velocity_pid for r in rows])
     is_passive = n < len([j for j in description.movable_joints if j.mimic is None])
     known = samples.with_rotors(rotors)
@@ -175,17 +169,17 @@ def make_robot_drive(
         friction=sum_friction(plant, description, joints) * options.friction,
         rates=[row.position_rate for row in rows],
     )
+    rated = (j.name for j, row in zip(joints, rows, strict=True) if row.position_rate)
     return RobotDrive(
         joints=joints,
         plant=plant,
-        twins=_make_twins(plant, description, pose, gains),
         N=N,
         rotor_inertia=rotors,
         lacking_inertia=lacking,
         gains=_with_grippers(gains, joints, limits, grippers),
         pid=pid if pid.is_given else None,
         min_inertia=known.inertia.min(axis=0),
-        rated=rated,
+        rated=tuple(rated),
     )
 
 
@@ -202,10 +196,7 @@ def _make_gains(
     friction: np.ndarray,
     rates: Sequence[float | None],
 ) -> ServoGains:
-    """Return the numbers of a servo.
-
-    In its plant what wheels carry becomes rotors, and what isn't made up for goes.
-    """
+    """Return the numbers of a servo; what wheels carry becomes rotors of its plant."""
     time_step, is_fast = plant.time_step(), options.preset == "fast"
     observer_gain = CAREFUL_OBSERVER_GAIN if is_careful else OBSERVER_GAIN
     if is_fast or not options.disturbance_observer:
@@ -219,8 +210,6 @@ def _make_gains(
         observer_gain=observer_gain,
     )
     add_rotors(plant, dict(zip([j.name for j in joints], ground, strict=True)))
-    if not options.gravity_compensation:
-        plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, 0.0])
     return compute_servo_gains(
         known.with_rotors(ground),
         limits,
@@ -314,31 +303,6 @@ def make_servo_plant(
     }
     add_rotors(plant, damping)
     return plant
-
-
-def _make_twins(
-    plant: MultibodyPlant,
-    description: RobotDescription,
-    pose: Pose | None,
-    gains: ServoGains,
-) -> MultibodyPlant | None:
-    """Return a plant of two robots that are each as the one of a servo's plant."""
-    if not gains.is_coordinated:
-        return None
-    twins = MultibodyPlant(plant.time_step())
-    names = [joint.name() for joint in simple_joints(plant)]
-    for name in TWINS:
-        model = add_robot_model(twins, description, name, pose, is_reduced=True)
-        add_actuators(twins, model, names, [math.inf] * len(names))
-        inertias = {
-            each: plant.GetJointActuatorByName(each).default_rotor_inertia()
-            for each in names
-        }
-        add_rotors(twins, inertias, model)
-    gravity = plant.gravity_field().gravity_vector()
-    twins.mutable_gravity_field().set_gravity_vector(gravity)
-    twins.Finalize()
-    return twins
 
 
 def add_rotors(

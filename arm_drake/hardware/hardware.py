@@ -113,7 +113,6 @@ def add_hardware(
                 drive.gains,
                 *state_indices(alone, alone.GetModelInstanceByName("robot"), names),
                 drive.N,
-                twins=drive.twins,
                 has_modes=has_modes,
                 has_limits=has_limits,
                 knows_friction=forces is not None and options.friction_compensation,

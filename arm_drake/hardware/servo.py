@@ -61,7 +61,6 @@ effort    n         N·m         what the actuators apply, within the effort lim
 
 import dataclasses as dc
 from collections.abc import Sequence
-from typing import NamedTuple, Self
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -73,6 +72,7 @@ from pydrake.symbolic import sqrt as sqrt_
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import (
     AffineSystem,
+    ConstantVectorSource,
     LinearSystem,
     Saturation,
     SymbolicVectorSystem,
@@ -90,10 +90,6 @@ from arm_drake.control.drive_commands import (
 from arm_drake.control.servo import ServoGains
 from arm_drake.description.ros2_control import PidGains
 from arm_drake.hardware.wiring import Port, Wiring
-from arm_drake.plant.plant import simple_joints
-
-# Names of the two robots of a plant that computes efforts for u and for none at once.
-TWINS = ("robot", "twin")
 
 # Above it a flag is set.
 _FLAG = 0.5
@@ -569,7 +565,6 @@ def make_joint_servo(
     velocities_at: list[int],
     N: Array,
     *,
-    twins: MultibodyPlant | None = None,
     has_modes: bool = False,
     has_limits: bool = False,
     knows_friction: bool = False,
@@ -579,8 +574,7 @@ def make_joint_servo(
     """Return the servo of a robot's n commanded joints.
 
     The plant holds this robot alone, with the step's damping and its drives' rotors as
-    rotor inertia; N is as for `sample_dynamics`. `twins`, named TWINS, are two of them,
-    for a servo whose joints wait for each other. `has_limits` says that effort and
+    rotor inertia; N is as for `sample_dynamics`. `has_limits` says that effort and
     velocity may be limited at run time, `knows_friction` that dry friction is told and
     made up for. With modes, joints may follow anything else than positions, or the law
     of a PID. With a part of the last command, and then neither modes nor limits, there
@@ -589,7 +583,6 @@ def make_joint_servo(
     h = control_plant.time_step()
     layout = Layout(2 * len(N), positions_at, velocities_at, has_modes, has_limits)
     laws = EffortLaws(gains, layout)
-    dynamics = Dynamics.of(control_plant, N, twins if laws.is_limited else None)
     observer = Observer(gains, layout, laws.num_groups)
     wiring = Wiring(DiagramBuilder())
     state = wiring.source("state", layout.num_states)
@@ -612,9 +605,12 @@ def make_joint_servo(
     )
     friction = [wiring.source("friction", layout.num_joints)] if knows_friction else []
     # Of the law's output, u is the sum of its first parts.
-    num_parts = 2 + has_modes if gains.observer_gain else 1
-    u = wiring.times("spread", dynamics.accelerations(num_parts, law.size()), law)
-    scale = _add_efforts(wiring, laws, layout, dynamics, state, command, u, friction)
+    parts = (2 + has_modes if gains.observer_gain else 1) * [N]
+    rest = np.zeros((len(N), law.size() - sum(part.shape[1] for part in parts)))
+    u = wiring.times("spread", np.hstack([*parts, rest]), law)
+    scale = _add_efforts(
+        wiring, laws, layout, control_plant, N, state, command, u, friction
+    )
     if hold is not None:
         new = wiring.times("observer", observer.matrix(h), law, state, *scale)
         wiring.builder.Connect(new, hold.get_input_port())
@@ -656,66 +652,29 @@ def make_push(effort_limit: Array) -> Diagram:
     return diagram
 
 
-class Dynamics(NamedTuple):
-    """A plant for inverse dynamics, of one robot or of two with the same state.
-
-    The second one has no acceleration: its efforts are those for none.
-    """
-
-    plant: MultibodyPlant
-
-    # From the accelerations of the robot's n commanded joints to those of the plant,
-    # and from its efforts to those of these joints, once for each robot.
-    spread: Array
-    gather: Array
-
-    # From the robot's state to that of the plant; None where it is the same.
-    states: Array | None = None
-
-    def accelerations(self, num_parts: int, size: int) -> Array:
-        """Return what makes those of the plant of a vector that begins with parts."""
-        parts = np.hstack(num_parts * [self.spread])
-        rest = np.zeros((len(parts), size - parts.shape[1]))
-        return np.hstack([parts, rest])
-
-    @classmethod
-    def of(cls, plant: MultibodyPlant, N: Array, twins: MultibodyPlant | None) -> Self:
-        """Return that of a robot alone, or with its twin."""
-        if twins is None:
-            return cls(plant, N, N.T)
-        m = len(N)
-        states, picked = np.zeros((4 * m, 2 * m)), np.zeros((2, 2 * m, m))
-        for velocities, name in zip(picked, TWINS, strict=True):
-            model = twins.GetModelInstanceByName(name)
-            for joint in simple_joints(plant):
-                same = twins.GetJointByName(joint.name(), model)
-                states[same.position_start(), joint.position_start()] = 1.0
-                velocities[same.velocity_start(), joint.velocity_start()] = 1.0
-            states[2 * m :, m:] += velocities
-        gather = np.vstack([N.T @ velocities.T for velocities in picked])
-        return cls(twins, picked[0] @ N, gather, states)
-
-
 def _add_efforts(
     wiring: Wiring,
     laws: EffortLaws,
     layout: Layout,
-    dynamics: Dynamics,
+    plant: MultibodyPlant,
+    N: Array,
     state: Port,
     command: Port,
     u: OutputPort,
     friction: Sequence[Port],
 ) -> list[OutputPort]:
     """Add what makes efforts of accelerations; return s, if efforts are limited."""
-    if dynamics.states is not None:
-        state = wiring.times("both_states", dynamics.states, state)
-    read: list[Port] = [wiring.inverse_dynamics(dynamics.plant, state, u)]
+    m, n = N.shape
+    read: list[Port] = [
+        wiring.inverse_dynamics("inverse_dynamics", plant, state, u),
+    ]
+    if laws.is_limited:
+        still = wiring.add("still", ConstantVectorSource(np.zeros(m)))
+        read.append(wiring.inverse_dynamics("bias", plant, state, still))
     # Of both, dry friction takes its part.
-    known = dynamics.gather
+    known = np.kron(np.eye(len(read)), N.T)
     if friction:
-        one = np.eye(layout.num_joints)
-        taken = np.tile(-one, (len(known) // len(one), 1))
-        known = np.hstack([known, taken])
+        known = np.hstack([known, np.tile(-np.eye(n), (len(read), 1))])
         read.extend(friction)
     told = [TAU_D, IS_TAU] if layout.has_modes else []
     if layout.has_limits:

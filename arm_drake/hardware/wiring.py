@@ -112,12 +112,11 @@ class Wiring:
         return self.add(name, MatrixGain(matrix), *ports)
 
     def inverse_dynamics(
-        self, plant: MultibodyPlant, state: Port, acceleration: OutputPort
+        self, name: str, plant: MultibodyPlant, state: Port, acceleration: OutputPort
     ) -> OutputPort:
         """Return the efforts of all joints for their accelerations."""
         mode = InverseDynamics.InverseDynamicsMode.kInverseDynamics
-        dynamics = InverseDynamics(plant, mode)
-        self.builder.AddNamedSystem("inverse_dynamics", dynamics)
+        dynamics = self.builder.AddNamedSystem(name, InverseDynamics(plant, mode))
         for port, target in (
             (state, dynamics.get_input_port_estimated_state()),
             (acceleration, dynamics.get_input_port_desired_acceleration()),
