@@ -267,7 +267,7 @@ class CollisionModel:
         """Whether nothing collides at positions, by the model's checker.
 
         Whether shapes overlap is seen sooner than how far: for a robot of many shapes
-        that is an eighth of the time.
+        that is a fifth of the time.
         """
         self.checker.UpdatePositions(q)
         query = self._query()
