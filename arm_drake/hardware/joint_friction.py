@@ -12,7 +12,7 @@ from pydrake.systems.primitives import Adder, AffineSystem, Saturation, ZeroOrde
 from arm_drake.arrays import Array
 from arm_drake.control.servo import FrictionGains, compute_friction_gains
 from arm_drake.description.urdf import RobotDescription
-from arm_drake.hardware.wiring import Wiring
+from arm_drake.hardware.wiring import Source, Wiring
 from arm_drake.plant.joint_dynamics import (
     find_followers,
     sample_dynamics,
@@ -54,9 +54,7 @@ def make_dry_friction(
     wiring = Wiring(DiagramBuilder())
     builder = wiring.builder
     hold = builder.AddNamedSystem("a", ZeroOrderHold(h, 2 * n))
-    back = wiring.add(
-        "back", _affine(picked, start), wiring.source("state", num_states)
-    )
+    back = wiring.add("back", _affine(picked, start), Source("state", num_states))
     # Differences of positions are taken first: these are small.
     gap = builder.AddNamedSystem("gap", Adder(2, 2 * n))
     for index, port in enumerate((back, hold.get_output_port())):

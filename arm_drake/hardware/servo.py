@@ -89,7 +89,7 @@ from arm_drake.control.drive_commands import (
 )
 from arm_drake.control.servo import ServoGains
 from arm_drake.description.ros2_control import PidGains
-from arm_drake.hardware.wiring import Port, Wiring
+from arm_drake.hardware.wiring import Port, Source, Wiring
 
 # Above it a flag is set.
 _FLAG = 0.5
@@ -585,8 +585,8 @@ def make_joint_servo(
     laws = EffortLaws(gains, layout)
     observer = Observer(gains, layout, laws.num_groups)
     wiring = Wiring(DiagramBuilder())
-    state = wiring.source("state", layout.num_states)
-    command: Port = wiring.source("command", layout.num_commands)
+    state = Source("state", layout.num_states)
+    command: Port = Source("command", layout.num_commands)
     if pid is not None:
         command = wiring.add("pid", pid_law(pid, layout, h), state, command)
     if gains.last_command:
@@ -603,7 +603,7 @@ def make_joint_servo(
     law = wiring.add(
         "acceleration", acceleration_law(gains, layout, observer, h), *read
     )
-    friction = [wiring.source("friction", layout.num_joints)] if knows_friction else []
+    friction = [Source("friction", layout.num_joints)] if knows_friction else []
     # Of the law's output, u is the sum of its first parts.
     parts = (2 + has_modes if gains.observer_gain else 1) * [N]
     rest = np.zeros((len(N), law.size() - sum(part.shape[1] for part in parts)))
@@ -642,7 +642,7 @@ def make_push(effort_limit: Array) -> Diagram:
     """
     n = len(effort_limit)
     wiring = Wiring(DiagramBuilder())
-    command = wiring.source("command", NUM_PARTS * n)
+    command = Source("command", NUM_PARTS * n)
     told = wiring.pick("told", range(TAU_D * n, (TAU_D + 1) * n), command)
     limits = Saturation(min_value=-effort_limit, max_value=effort_limit)
     effort = wiring.add("effort", limits, told)
@@ -665,9 +665,7 @@ def _add_efforts(
 ) -> list[OutputPort]:
     """Add what makes efforts of accelerations; return s, if efforts are limited."""
     m, n = N.shape
-    read: list[Port] = [
-        wiring.inverse_dynamics("inverse_dynamics", plant, state, u),
-    ]
+    read: list[Port] = [wiring.inverse_dynamics("inverse_dynamics", plant, state, u)]
     if laws.is_limited:
         still = wiring.add("still", ConstantVectorSource(np.zeros(m)))
         read.append(wiring.inverse_dynamics("bias", plant, state, still))

@@ -19,7 +19,7 @@ from arm_drake.arrays import Array
 
 
 class Source(NamedTuple):
-    """An input of a diagram, which its systems read."""
+    """An input of a diagram, for several systems to read."""
 
     name: str
     num_values: int
@@ -46,10 +46,6 @@ class Wiring:
 
     # Inputs of the diagram that somebody reads.
     _sources: set[str] = dc.field(default_factory=set)
-
-    def source(self, name: str, size: int) -> Source:
-        """Return an input of the diagram, for several systems to read."""
-        return Source(name, size)
 
     def connect(self, port: Port, target: InputPort) -> None:
         """Let a system read a port, or an input of the diagram."""

@@ -5,7 +5,7 @@ import pytest
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from arm_drake.hardware.wiring import Wiring
+from arm_drake.hardware.wiring import Source, Wiring
 
 X, Y = np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0])
 
@@ -46,7 +46,7 @@ def test_nothing_is_added_for_what_is_a_port_already():
 
 def test_systems_share_an_input_of_the_diagram():
     wiring = Wiring(DiagramBuilder())
-    u = wiring.source("u", 3)
+    u = Source("u", 3)
 
     for name, matrix in (("first", np.eye(3)[:1]), ("twice", 2.0 * np.eye(3))):
         wiring.builder.ExportOutput(wiring.times(name, matrix, u), name)

@@ -15,11 +15,7 @@ import numpy as np
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.cycles import (
-    SilentTicks,
-    UpdateContext,
-    UpdateResult,
-)
+from arm_drake.controllers.cycles import SilentTicks, UpdateContext, UpdateResult
 from arm_drake.controllers.gazebo.plugin import (
     GazeboPid,
     GazeboPidState,
