@@ -249,13 +249,14 @@ class CollisionModel:
         self._rest = np.zeros(self._plant.num_positions())
         for name, value in positions.items():
             self._rest[self._at[name]] = value
+        self._offset = self._rest - self._E_own @ self._rest[self._own]
         for part in self._parts:
             if part.model is not None:
                 part.model.set_positions(positions)
 
     def configuration(self, x: np.ndarray) -> np.ndarray:
         """Return the model's positions where the planned joints have values."""
-        return self._rest + self._E_own @ (x - self._rest[self._own])
+        return self._offset + self._E_own @ x
 
     def is_free(self, x: np.ndarray) -> bool:
         """Whether nothing collides at values of the planned joints."""

@@ -54,6 +54,10 @@ STEP = 5e-3
 # and a wall time that isn't reached [s].
 LIMIT, LONG_LIMIT, WALL = 5.0, 10.0, 600.0
 
+# So many questions whether it is over ask for the time once: it is the kernel that has
+# the processor's, and on a busy machine a call of it takes as long as a check.
+CLOCK = 32
+
 # How far around 0 joints are at both ends [rad].
 RANGE = 2.5
 
@@ -381,7 +385,13 @@ def plan_within(
     robot: ad.Robot, problem: Problem, limit: float, seed: int = 0
 ) -> ad.Plan:
     """Return a plan that is found in so much processor time [s]."""
-    end = time.process_time() + limit
+    end, calls, late = time.process_time() + limit, itertools.count(), False
+
+    def is_late() -> bool:
+        nonlocal late
+        late = late or (next(calls) % CLOCK == 0 and time.process_time() > end)
+        return late
+
     return ad.plan(
         robot,
         problem.end,
@@ -389,7 +399,7 @@ def plan_within(
         world=problem.scene.add_to,
         time_limit=WALL,
         seed=seed,
-        should_stop=lambda: time.process_time() > end,
+        should_stop=is_late,
     )
 
 
