@@ -2,8 +2,9 @@
 
 A busy machine doesn't disturb the count, so it stands beside the times of the other
 benchmarks. Counted is what `Simulator.AdvanceTo` runs between two ticks of 10 ms while
-a six-joint arm plays a trajectory: the whole diagram, and the same without Python; and
-1 ms of the myCobot with Gazebo's plugins. Without valgrind (Debian has it) there is a
+a six-joint arm plays a trajectory: the whole diagram, and the same without Python; the
+same of four arms in one diagram, for each of them; and 1 ms of the myCobot with
+Gazebo's plugins. Without valgrind (Debian has it) there is a
 message and no count.
 
     python -m tests.benchmarks.instructions [--ticks 50]
@@ -29,6 +30,9 @@ from tests.benchmarks.cpp_only import build_cpp_only
 
 ROBOT, PERIOD, GAZEBO_PERIOD = "doosan_a0912", 0.01, 0.001
 JOINTS = tuple(f"joint{i}" for i in range(1, 7))
+
+# Robots in one diagram.
+ARMS = 4
 
 # What is counted, and what callgrind writes a file before.
 ADVANCE = "drake::systems::Simulator<double>::AdvanceTo(double const&)"
@@ -73,30 +77,44 @@ def with_python(options: ad.SimulationOptions, *, is_goal: bool) -> Advance:
     return sim.advance_to
 
 
+def with_arms(options: ad.SimulationOptions) -> Advance:
+    robots = [
+        ad.load_robot(ROBOT, name=f"arm{i}", pose=(3.0 * i, 0.0, 0.0, 0.0, 0.0, 0.0))
+        for i in range(ARMS)
+    ]
+    sim = ad.Simulation(ad.build_diagram(robots, options=options))
+    for robot in robots:
+        arm = sim.controller(f"{robot.name}/joint_trajectory_controller")
+        arm.send_trajectory(make_trajectory())
+    return sim.advance_to
+
+
 def with_plugins() -> Advance:
     robot = ad.load_robot("mycobot_280", xacro_args={"control": "gazebo"})
     return ad.Simulation(ad.build_diagram(robot, world="void")).advance_to
 
 
-def cases() -> Iterator[tuple[str, float, Callable[[], Advance]]]:
-    """Yield names, periods [s] and what makes a simulation."""
+def cases() -> Iterator[tuple[str, float, Callable[[], Advance], int]]:
+    """Yield names, periods [s], what makes a simulation, and of how many robots."""
     for preset in ("fast", "accurate"):
         options = ad.SimulationOptions(preset=preset, time_step=PERIOD)
-        yield f"{preset}, C++ only", PERIOD, lambda o=options: without_python(o)
+        yield f"{preset}, C++ only", PERIOD, lambda o=options: without_python(o), 1
         for text, is_goal in (("a trajectory", False), ("a goal, with feedback", True)):
             yield (
                 f"{preset}, {text}",
                 PERIOD,
                 lambda o=options, g=is_goal: with_python(o, is_goal=g),
+                1,
             )
-    yield "accurate, the myCobot's plugins", GAZEBO_PERIOD, with_plugins
+    yield f"accurate, each of {ARMS} arms", PERIOD, lambda o=options: with_arms(o), ARMS
+    yield "accurate, the myCobot's plugins", GAZEBO_PERIOD, with_plugins, 1
 
 
 def count(folder: Path, num_ticks: int) -> None:
     """Print the instructions of a tick of each case, under valgrind."""
     marker = Simulator(ConstantVectorSource(np.zeros(1)))
     gc.disable()
-    for name, period, make in cases():
+    for name, period, make, num_robots in cases():
         advance = make()
         start = (WARM_UP + 0.5) * period
         advance(start)
@@ -105,7 +123,8 @@ def count(folder: Path, num_ticks: int) -> None:
         marker.Initialize()
         newest = max(folder.glob("out.*"), key=lambda path: int(path.suffix[1:]))
         line = next(x for x in newest.open() if x.startswith(("summary", "totals")))
-        print(f"| {name} | {int(line.split()[1]) / num_ticks:,.0f} |", flush=True)
+        counted = int(line.split()[1]) / num_ticks / num_robots
+        print(f"| {name} | {counted:,.0f} |", flush=True)
 
 
 def main() -> None:
