@@ -1,13 +1,18 @@
 """What holds for all tests."""
 
 import gc
+import json
+import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from arm_drake.description import packages
+from arm_drake.description import packages, xacro
+from arm_drake.description.bundled import models_folder
+from tests.robots import BESIDE_THE_CHECKOUT
 
 _HERE = Path(__file__).parent
 
@@ -34,6 +39,49 @@ def tests_that_find_no_packages_of_others(
     real, folder = packages.shared_folders, tmp_path_factory.getbasetemp().resolve()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(packages, "shared_folders", lambda: (*real(), folder))
+        yield
+
+
+class _Asked:
+    """Finds packages, and remembers which were asked for and where they are."""
+
+    def __init__(self, finder: packages.PackageFinder) -> None:
+        self._finder = finder
+        self.folders: dict[str, Path] = {}
+
+    def find(self, name: str) -> Path:
+        self.folders[name] = self._finder.find(name)
+        return self.folders[name]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def real_robots_that_are_expanded_once() -> Iterator[None]:
+    # Most tests load one of these, whose files stay as they are, and xacro's process
+    # takes three times what the rest of the loading does. What reads any other file,
+    # or is for another environment, is expanded each time.
+    still = (models_folder().resolve(), BESIDE_THE_CHECKOUT.resolve())
+    expand = xacro._run
+    answers: dict[str, tuple[str, dict[str, Path]]] = {}
+
+    def expand_once(
+        path: Path, args: Mapping[str, str], finder: packages.PackageFinder
+    ) -> Any:
+        surroundings = {k: v for k, v in os.environ.items() if "PYTEST" not in k}
+        key = str([path, Path.cwd(), sorted(args.items()), surroundings])
+        if key in answers:
+            text, folders = answers[key]
+            if all(finder.find(name) == folder for name, folder in folders.items()):
+                return json.loads(text)
+        asked = _Asked(finder)
+        answer = expand(path, args, asked)  # type: ignore[arg-type]
+        read = [path.resolve(), *(Path(f).resolve() for f in answer["opened"])]
+        is_still = all(any(map(file.is_relative_to, still)) for file in read)
+        if is_still and "error" not in answer:
+            answers[key] = json.dumps(answer), asked.folders
+        return answer
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(xacro, "_run", expand_once)
         yield
 
 

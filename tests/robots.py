@@ -18,7 +18,7 @@ import yaml
 
 import arm_drake as ad
 
-_BESIDE_THE_CHECKOUT = Path(__file__).parents[2] / "shared" / "robots"
+BESIDE_THE_CHECKOUT = Path(__file__).parents[2] / "shared" / "robots"
 
 
 # libyaml's, ten times as fast, where PyYAML is built with it.
@@ -32,7 +32,7 @@ def read_yaml(file: Path) -> Any:
 
 def robots_folder() -> Path:
     """Return the folder of real robot packages, or skip the test."""
-    folder = Path(os.environ.get("ARM_DRAKE_ROBOTS") or _BESIDE_THE_CHECKOUT)
+    folder = Path(os.environ.get("ARM_DRAKE_ROBOTS") or BESIDE_THE_CHECKOUT)
     if not folder.is_dir():
         skip_or_fail(f"no folder {folder}; ARM_DRAKE_ROBOTS may name another")
     return folder.resolve()

@@ -37,7 +37,8 @@ def test_the_steps_to_a_controller_lead_to_one(tmp_path: Path) -> None:
 
 def test_the_steps_to_a_robot_lead_to_one(tmp_path: Path) -> None:
     for name in ("arm_drake", "configs", "docs", "models", "tests"):
-        ignored = shutil.ignore_patterns("__pycache__")
+        # What is compiled already no program compiles anew.
+        ignored = shutil.ignore_patterns("*.pyc.*", "node_modules")
         shutil.copytree(ROOT / name, tmp_path / name, ignore=ignored)
     for name in ("pyproject.toml", "README.md"):
         shutil.copy(ROOT / name, tmp_path)

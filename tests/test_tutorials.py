@@ -27,6 +27,9 @@ COMMANDS = list(dict.fromkeys(re.findall(r"`arm-drake ([^`]+)`", TEXT)))
 # How long one is tried [s]; rollouts of the robots' own tests are longer.
 DURATION = 0.2
 
+# Steps of the plant where a thing is picked [s].
+STEP = 5e-3
+
 
 @contextlib.contextmanager
 def into_the_bin(simulation: ad.Simulation) -> Iterator[None]:
@@ -107,8 +110,10 @@ def test_a_command_runs(
         # What is about the page needs one, without anybody who looks.
         is_page = any(word in words for word in ("--curve", "--keyboard"))
         words += ["--no-open"] if is_page else ["--headless"]
-        # What is planned takes the time that it needs.
-        words += [] if is_planned(words) else ["--duration", str(DURATION)]
+        # What is planned takes the time that it needs, in larger steps than by default:
+        # in those a notebook picks, as is known and by camera.
+        limit = ["--duration", str(DURATION)]
+        words += ["--time-step", str(STEP)] if is_planned(words) else limit
     if words[0] == "view" or (words[0] == "launch" and "--headless" not in words):
         # Without a browser: what it shows can be loaded, and the pose is one.
         words = [*words, "--json"]

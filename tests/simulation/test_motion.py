@@ -862,7 +862,9 @@ def test_a_damaged_motion_file_gives_no_other_error(path, load):
     content = path.read_bytes()
     lines = content.splitlines(keepends=True)
     damaged = [content[: len(content) * part // 40] for part in range(40)]
-    damaged += [b"".join(lines[:i] + lines[i + 1 :]) for i in range(len(lines))]
+    # Of a long one, whose steps are alike, lines all over it.
+    without = range(0, len(lines), 1 + len(lines) // 60)
+    damaged += [b"".join(lines[:i] + lines[i + 1 :]) for i in without]
     damaged += [content.replace(b"0.0", text) for text in (b"x", b"[", b".nan", b"")]
     damaged += [content.replace(b"[", b"{"), content.replace(b": ", b" ")]
     damaged += [content[:300] + bytes(range(20)) + content[300:]]

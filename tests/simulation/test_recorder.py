@@ -189,7 +189,12 @@ def test_ctrl_c_within_a_write_comes_after_it(
 
 @pytest.mark.slow
 def test_several_robots_are_in_one_bag(tmp_path: Path) -> None:
-    robots = [ad.load_robot("doosan_a0912", name=name) for name in "ab"]
+    # One would stand in the other, and all of their links would touch.
+    places = {"a": (0.0,) * 6, "b": (0.0, 2.0, *(0.0,) * 4)}
+    robots = [
+        ad.load_robot("doosan_a0912", name=name, pose=pose)
+        for name, pose in places.items()
+    ]
     sim = ad.Simulation(ad.build_diagram(robots))
     with sim.record_to(tmp_path / "a.mcap"):
         sim.run(0.3)

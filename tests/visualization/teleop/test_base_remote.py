@@ -30,10 +30,13 @@ CHEAP = "gz_ackermann_drive"
 
 SPEED = 0.2
 
+# Of the plant [s], of which the remote knows nothing.
+STEP = 5e-3
+
 
 def base_of(name: str) -> tuple[ad.Simulation, BaseRemote, str]:
     controller, link = BASES[name]
-    sim = panel.simulate(load_real_robot(name))
+    sim = panel.simulate(load_real_robot(name), time_step=STEP)
     sim.run(0.5)  # Until it stands on its wheels.
     return sim, panel.find(sim, controller, BaseRemote), link
 
