@@ -5,8 +5,8 @@ plant with the world and the robots in it, hardware, what is seen and what is re
 """
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 from pydrake.geometry import Meshcat, SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
@@ -39,11 +39,6 @@ from arm_drake.hardware.hardware import (
     report_blind,
 )
 from arm_drake.hardware.mobile_bases import RobotBases
-from arm_drake.hardware.mock_hardware import (
-    add_mock_hardware,
-    make_blocks,
-    report_blocks,
-)
 from arm_drake.hardware.presets import (
     find_obstacles,
     find_world_obstacles,
@@ -80,13 +75,14 @@ from arm_drake.plant.plant import (
     set_initial_positions,
     trial_plant,
 )
-from arm_drake.scene import Scene
 from arm_drake.simulation.recording import BuildInfo
 from arm_drake.timing import choose_time_step, has_rate
-from arm_drake.visualization.meshcat import show_ground
 from arm_drake.worlds.sdf_world import LoadedWorld, show_backdrop
 from arm_drake.worlds.things import free_bodies
 from arm_drake.worlds.world import World, load_world
+
+if TYPE_CHECKING:
+    from arm_drake.scene import Scene
 
 
 class Setting(NamedTuple):
@@ -136,7 +132,7 @@ class RobotParts(NamedTuple):
 
 
 def build_diagram(
-    robots: Robot | Sequence[Robot] | Scene,
+    robots: "Robot | Sequence[Robot] | Scene",
     *,
     world: World = "empty",
     options: SimulationOptions | None = None,
@@ -198,19 +194,19 @@ def build_diagram(
 
 
 def _choose_setting(
-    robots: Robot | Sequence[Robot] | Scene,
+    robots: "Robot | Sequence[Robot] | Scene",
     world: World,
     options: SimulationOptions | None,
     payloads: Payloads | None,
 ) -> Setting:
     """Return robots and world with the steps that fit them; raises InputError."""
-    if isinstance(robots, Scene):
-        scene = robots
+    scene = _as_scene(robots)
+    if scene is not None:
         robots, options = scene.robots, options or scene.options
         world = scene.load_world() if world == "empty" else world
         payloads = {**scene.payloads, **(payloads or {})}
     else:
-        robots = list_robots(robots)
+        robots = list_robots(cast("Robot | Sequence[Robot]", robots))
     payloads = payloads or {}
     options = SimulationOptions() if options is None else options
     if not isinstance(options, SimulationOptions):
@@ -234,6 +230,22 @@ def _choose_setting(
     )
 
 
+def _make_blocks(robot: Robot) -> list[GenericSystem]:
+    """Return the hardware of a robot that mirrors commands."""
+    from arm_drake.hardware.mock_hardware import make_blocks
+
+    return make_blocks(robot)
+
+
+def _as_scene(robots: object) -> "Scene | None":
+    """Return a scene, whose module robots alone don't need; None if it is none."""
+    if isinstance(robots, Robot | Iterable):
+        return None
+    from arm_drake.scene import Scene
+
+    return robots if isinstance(robots, Scene) else None
+
+
 def _load_parts(builder: DiagramBuilder, setting: Setting) -> list[RobotParts]:
     """Return the controllers of each robot, which are to come into a builder."""
     robots, options = setting.robots, setting.options
@@ -243,7 +255,7 @@ def _load_parts(builder: DiagramBuilder, setting: Setting) -> list[RobotParts]:
         system = RobotSystems(
             builder, robot, prefix, period, options, setting.step, setting.world.name
         )
-        blocks = make_blocks(robot) if setting.is_kinematic else None
+        blocks = _make_blocks(robot) if setting.is_kinematic else None
         hardware_interfaces = system.find_hardware_interfaces(
             blocks, find_gripper_ranges(robot)
         )
@@ -531,6 +543,8 @@ def _add_kinematic_robots(
     models: Sequence[ModelInstanceIndex],
 ) -> None:
     """Add hardware and controllers of robots whose joints are where they should be."""
+    from arm_drake.hardware.mock_hardware import add_mock_hardware, report_blocks
+
     joints = {
         part.robot.name: (
             model,
@@ -640,6 +654,8 @@ def _add_meshcat(
     """Add what draws the scene, and show the world's grid and background."""
     rate, world = setting.options.frame_rate, setting.world
     add_visualizer(builder, scene_graph, meshcat, frame_rate=rate)
+    from arm_drake.visualization.meshcat import show_ground
+
     show_backdrop(meshcat, has_grid=world.has_grid, background=world.background)
     show_ground(meshcat, has_lines=world.has_grid, look=world.ground)
 
