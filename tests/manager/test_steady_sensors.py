@@ -14,6 +14,7 @@ import arm_drake as ad
 from arm_drake.controllers import CONTROLLER_TYPES
 from arm_drake.controllers.topics import SensorBroadcaster
 from arm_drake.manager.controller_manager import SWITCH_PORT
+from arm_drake.manager.lifecycle import TickKeeper
 from arm_drake.messages import (
     Header,
     InterfaceValue,
@@ -218,16 +219,28 @@ def test_an_arm_with_sensors_ticks_steadily(
 
 @pytest.mark.slow
 def test_an_arm_beside_a_sensor_that_is_off_reads_motions_alone(
-    count: Count, tmp_path: Path
+    count: Count, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    measure, sizes = TickKeeper.measure, []
+
+    def look(keeper: TickKeeper, context: Any, *, reads_all: bool) -> np.ndarray:
+        found = measure(keeper, context, reads_all=reads_all)
+        sizes.append(len(found))
+        return found
+
+    monkeypatch.setattr(TickKeeper, "measure", look)
     sim, sensors = simulate(tmp_path), ("wrench", "imu", "states")
     sim.run(0.1)
+    # Position, velocity, effort; a wrench, and what the inertial unit measures.
+    assert set(sizes) == {3 + 6 + 10}
     sim.switch_controllers(deactivate=sensors)
     sim.run(0.1)
     stamp = sim.topic("/imu/imu").value().header.stamp
     num_full = count.num_full
+    sizes.clear()
     sim.run(0.1)
     assert count.num_full == num_full
+    assert set(sizes) == {2}
     assert sim.topic("/imu/imu").value().header.stamp == stamp
     sim.switch_controllers(activate=sensors)
     sim.run(0.1)
