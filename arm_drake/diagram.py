@@ -8,7 +8,7 @@ import dataclasses as dc
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple, cast
 
-from pydrake.geometry import Meshcat, SceneGraph
+from pydrake.geometry import Meshcat, Role, SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
@@ -173,7 +173,7 @@ def build_diagram(
         RobotBases.of(robot, has_physics=not setting.is_kinematic)
         for robot in setting.robots
     ]
-    models = _add_models(setting, bases, plant, scene_graph)
+    models = _add_models(setting, bases, plant, scene_graph, meshcat)
 
     if setting.is_kinematic:
         _add_kinematic_robots(builder, parts, plant, scene_graph, models)
@@ -351,16 +351,37 @@ def _report_of(diagram: Diagram, robot: Robot) -> LoadReport:
     )
 
 
+def _may_touch(setting: Setting, scene_graph: SceneGraph) -> bool:
+    """Return whether robots may touch each other, themselves or the world around.
+
+    Where nothing can, a step needs no shapes to ask for collisions; without physics
+    nothing asks. A robot that stands on its shapes keeps them.
+    """
+    inspector = scene_graph.model_inspector()
+    return (
+        setting.is_kinematic
+        or len(setting.robots) > 1
+        or setting.options.self_collision
+        or bool(setting.payloads)
+        or any(robot.has_free_base for robot in setting.robots)
+        or inspector.NumGeometriesWithRole(Role.kProximity) > 0
+    )
+
+
 def _add_models(
     setting: Setting,
     bases: Sequence[RobotBases],
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
+    meshcat: Meshcat | None,
 ) -> list[ModelInstanceIndex]:
-    """Add the robots to the plant, and finalize it."""
-    models = [_add_model(plant, base, setting.world, setting.options) for base in bases]
+    """Add the robots to the plant, with what collides or is drawn, and finalize it."""
+    collides = meshcat is not None or _may_touch(setting, scene_graph)
+    collides &= setting.options.preset != "fast"
+    models = [
+        _add_model(plant, base, setting.world, collides=collides) for base in bases
+    ]
     for base, model in zip(bases, models, strict=True):
-        collides = setting.options.preset != "fast"
         own = setting.payloads_by_robot[base.robot.name]
         add_payloads(plant, model, own, collides=collides)
     plant.Finalize()
@@ -374,7 +395,8 @@ def _add_model(
     plant: MultibodyPlant,
     base: RobotBases,
     world: LoadedWorld,
-    options: SimulationOptions,
+    *,
+    collides: bool,
 ) -> ModelInstanceIndex:
     """Add a robot with its actuators, and with the wheels that are rolled on."""
     robot, description = base.robot, base.describe()
@@ -386,7 +408,7 @@ def _add_model(
         robot.name,
         robot.pose,
         has_free_base=robot.has_free_base,
-        collides=options.preset != "fast",
+        collides=collides,
     )
     joints = commanded_joints(robot.description)
     add_actuators(plant, model, [joint.name for joint in joints], effort_limits(joints))
