@@ -5,10 +5,10 @@ plant with the world and the robots in it, hardware, what is seen and what is re
 """
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple, cast
 
-from pydrake.geometry import Meshcat, SceneGraph
+from pydrake.geometry import Meshcat, Role, SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
@@ -39,11 +39,6 @@ from arm_drake.hardware.hardware import (
     report_blind,
 )
 from arm_drake.hardware.mobile_bases import RobotBases
-from arm_drake.hardware.mock_hardware import (
-    add_mock_hardware,
-    make_blocks,
-    report_blocks,
-)
 from arm_drake.hardware.presets import (
     find_obstacles,
     find_world_obstacles,
@@ -80,13 +75,14 @@ from arm_drake.plant.plant import (
     set_initial_positions,
     trial_plant,
 )
-from arm_drake.scene import Scene
 from arm_drake.simulation.recording import BuildInfo
 from arm_drake.timing import choose_time_step, has_rate
-from arm_drake.visualization.meshcat import show_ground
 from arm_drake.worlds.sdf_world import LoadedWorld, show_backdrop
 from arm_drake.worlds.things import free_bodies
 from arm_drake.worlds.world import World, load_world
+
+if TYPE_CHECKING:
+    from arm_drake.scene import Scene
 
 
 class Setting(NamedTuple):
@@ -136,7 +132,7 @@ class RobotParts(NamedTuple):
 
 
 def build_diagram(
-    robots: Robot | Sequence[Robot] | Scene,
+    robots: "Robot | Sequence[Robot] | Scene",
     *,
     world: World = "empty",
     options: SimulationOptions | None = None,
@@ -177,7 +173,7 @@ def build_diagram(
         RobotBases.of(robot, has_physics=not setting.is_kinematic)
         for robot in setting.robots
     ]
-    models = _add_models(setting, bases, plant, scene_graph)
+    models = _add_models(setting, bases, plant, scene_graph, meshcat)
 
     if setting.is_kinematic:
         _add_kinematic_robots(builder, parts, plant, scene_graph, models)
@@ -198,19 +194,19 @@ def build_diagram(
 
 
 def _choose_setting(
-    robots: Robot | Sequence[Robot] | Scene,
+    robots: "Robot | Sequence[Robot] | Scene",
     world: World,
     options: SimulationOptions | None,
     payloads: Payloads | None,
 ) -> Setting:
     """Return robots and world with the steps that fit them; raises InputError."""
-    if isinstance(robots, Scene):
-        scene = robots
+    scene = _as_scene(robots)
+    if scene is not None:
         robots, options = scene.robots, options or scene.options
         world = scene.load_world() if world == "empty" else world
         payloads = {**scene.payloads, **(payloads or {})}
     else:
-        robots = list_robots(robots)
+        robots = list_robots(cast("Robot | Sequence[Robot]", robots))
     payloads = payloads or {}
     options = SimulationOptions() if options is None else options
     if not isinstance(options, SimulationOptions):
@@ -234,6 +230,22 @@ def _choose_setting(
     )
 
 
+def _make_blocks(robot: Robot) -> list[GenericSystem]:
+    """Return the hardware of a robot that mirrors commands."""
+    from arm_drake.hardware.mock_hardware import make_blocks
+
+    return make_blocks(robot)
+
+
+def _as_scene(robots: object) -> "Scene | None":
+    """Return a scene, whose module robots alone don't need; None if it is none."""
+    if isinstance(robots, Robot | Iterable):
+        return None
+    from arm_drake.scene import Scene
+
+    return robots if isinstance(robots, Scene) else None
+
+
 def _load_parts(builder: DiagramBuilder, setting: Setting) -> list[RobotParts]:
     """Return the controllers of each robot, which are to come into a builder."""
     robots, options = setting.robots, setting.options
@@ -243,7 +255,7 @@ def _load_parts(builder: DiagramBuilder, setting: Setting) -> list[RobotParts]:
         system = RobotSystems(
             builder, robot, prefix, period, options, setting.step, setting.world.name
         )
-        blocks = make_blocks(robot) if setting.is_kinematic else None
+        blocks = _make_blocks(robot) if setting.is_kinematic else None
         hardware_interfaces = system.find_hardware_interfaces(
             blocks, find_gripper_ranges(robot)
         )
@@ -339,16 +351,37 @@ def _report_of(diagram: Diagram, robot: Robot) -> LoadReport:
     )
 
 
+def _may_touch(setting: Setting, scene_graph: SceneGraph) -> bool:
+    """Return whether robots may touch each other, themselves or the world around.
+
+    Where nothing can, a step needs no shapes to ask for collisions; without physics
+    nothing asks. A robot that stands on its shapes keeps them.
+    """
+    inspector = scene_graph.model_inspector()
+    return (
+        setting.is_kinematic
+        or len(setting.robots) > 1
+        or setting.options.self_collision
+        or bool(setting.payloads)
+        or any(robot.has_free_base for robot in setting.robots)
+        or inspector.NumGeometriesWithRole(Role.kProximity) > 0
+    )
+
+
 def _add_models(
     setting: Setting,
     bases: Sequence[RobotBases],
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
+    meshcat: Meshcat | None,
 ) -> list[ModelInstanceIndex]:
-    """Add the robots to the plant, and finalize it."""
-    models = [_add_model(plant, base, setting.world, setting.options) for base in bases]
+    """Add the robots to the plant, with what collides or is drawn, and finalize it."""
+    collides = meshcat is not None or _may_touch(setting, scene_graph)
+    collides &= setting.options.preset != "fast"
+    models = [
+        _add_model(plant, base, setting.world, collides=collides) for base in bases
+    ]
     for base, model in zip(bases, models, strict=True):
-        collides = setting.options.preset != "fast"
         own = setting.payloads_by_robot[base.robot.name]
         add_payloads(plant, model, own, collides=collides)
     plant.Finalize()
@@ -362,7 +395,8 @@ def _add_model(
     plant: MultibodyPlant,
     base: RobotBases,
     world: LoadedWorld,
-    options: SimulationOptions,
+    *,
+    collides: bool,
 ) -> ModelInstanceIndex:
     """Add a robot with its actuators, and with the wheels that are rolled on."""
     robot, description = base.robot, base.describe()
@@ -374,7 +408,7 @@ def _add_model(
         robot.name,
         robot.pose,
         has_free_base=robot.has_free_base,
-        collides=options.preset != "fast",
+        collides=collides,
     )
     joints = commanded_joints(robot.description)
     add_actuators(plant, model, [joint.name for joint in joints], effort_limits(joints))
@@ -531,6 +565,8 @@ def _add_kinematic_robots(
     models: Sequence[ModelInstanceIndex],
 ) -> None:
     """Add hardware and controllers of robots whose joints are where they should be."""
+    from arm_drake.hardware.mock_hardware import add_mock_hardware, report_blocks
+
     joints = {
         part.robot.name: (
             model,
@@ -640,6 +676,8 @@ def _add_meshcat(
     """Add what draws the scene, and show the world's grid and background."""
     rate, world = setting.options.frame_rate, setting.world
     add_visualizer(builder, scene_graph, meshcat, frame_rate=rate)
+    from arm_drake.visualization.meshcat import show_ground
+
     show_backdrop(meshcat, has_grid=world.has_grid, background=world.background)
     show_ground(meshcat, has_lines=world.has_grid, look=world.ground)
 

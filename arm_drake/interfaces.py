@@ -53,6 +53,7 @@ EXPORT_PORT: Final = "exported_state_interfaces"
 
 # What the manager reads and keeps for its controllers, and what lies on their topics.
 MOTIONS_PORT: Final = "joint_motions"
+MEASURED_PORT: Final = "measured"
 TICKS_PORT: Final = "ticks"
 INBOX_PORT: Final = "inbox"
 

@@ -3,12 +3,13 @@
 import gc
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio
 import pytest
 from pydrake.common.value import Value
-from pydrake.geometry import SceneGraph
+from pydrake.geometry import Meshcat, Role, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
@@ -434,6 +435,55 @@ def test_a_robot_that_starts_in_the_ground_is_reported() -> None:
 
 LIFTED_BALL = models.LIFT.replace("</inertial>", f"</inertial>{models.sphere(0.1)}")
 LIFT_CONTROLLERS = models.trajectory_controllers({"arm": ["slide"]})
+
+
+def num_shapes(diagram: Diagram) -> int:
+    """Return how many shapes may collide."""
+    scene_graph = diagram.GetSubsystemByName("scene_graph")
+    assert isinstance(scene_graph, SceneGraph)
+    inspector = scene_graph.model_inspector()
+    return int(inspector.NumGeometriesWithRole(Role.kProximity))
+
+
+def test_where_nothing_can_be_touched_nobody_asks_for_collisions() -> None:
+    robot = ad.load_robot("doosan_a0912")
+
+    def build(world: str = "void", **more: Any) -> int:
+        options = ad.SimulationOptions(**more.pop("options", {}))
+        return num_shapes(ad.build_diagram(robot, world=world, options=options, **more))
+
+    assert build() == 0
+    num_links = len(robot.description.links) - 1  # All but the world have one shape.
+    assert build("empty") >= num_links
+    assert build(options={"self_collision": True}) >= num_links
+    assert build(payloads={"link6": 1.0}) >= num_links
+    assert build(meshcat=Meshcat()) >= num_links
+    two = [robot, ad.load_robot("doosan_a0912", name="two", pose=(2, 0, 0, 0, 0, 0))]
+    assert num_shapes(ad.build_diagram(two, world="void")) >= 2 * num_links
+
+
+def test_a_robot_that_nothing_can_touch_moves_the_same_with_its_shapes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    robot = ad.load_robot("doosan_a0912")
+    found = []
+    for may_touch in (False, True):
+        if may_touch:
+            monkeypatch.setattr("arm_drake.diagram._may_touch", lambda *args: True)
+        options = ad.SimulationOptions(log_contacts=True)
+        sim = ad.Simulation(ad.build_diagram(robot, world="void", options=options))
+        assert (num_shapes(sim.diagram) > 0) is may_touch
+        target = trajectory({f"joint{k}": 0.3 * k for k in range(1, 7)}, 0.5)
+        sim.controller("joint_trajectory_controller").send_trajectory(target)
+        sim.run(0.6)
+        rollout = sim.rollout()
+        contacts = sim.diagram.GetOutputPort("contacts").Eval(sim.context)
+        bumper = sim.topic("/contact_sensor/bumper_link6").value()
+        arrays = (rollout.position, rollout.velocity, rollout.effort)
+        bits = [array.tobytes() for array in arrays]
+        found.append((bits, contacts, bumper, list(sim.report)))
+
+    assert found[0] == found[1]
 
 
 @pytest.mark.slow

@@ -231,4 +231,9 @@ def test_a_headless_run_loads_nothing_large_that_it_does_not_need() -> None:
     assert "arm_drake.simulation.simulation" in loaded
     large = {"matplotlib", "scipy", "trimesh", "collada", "PIL", "tornado"}
     large |= {"http.client", "ssl"}
+    large |= {
+        "arm_drake.controllers.pid_controller",
+        "arm_drake.description.perception_sensors",
+        "arm_drake.hardware.mock_hardware",
+    }
     assert not loaded & {"pydrake.all", *large}

@@ -544,9 +544,9 @@ class TickingController(TickReader[S]):
 
         While another controller commands its references it does need one.
         """
-        takes_motions = self._read_at is not None and not self.reads_all
+        is_measured = self._read_at is not None
         reads_by_now = vars(type(self)).get("reads_by_now", False)
-        return bool(self.params.is_managed and reads_by_now and takes_motions)
+        return bool(self.params.is_managed and reads_by_now and is_measured)
 
     @property
     def whole_period_ns(self) -> int | None:
@@ -612,7 +612,7 @@ class TickingController(TickReader[S]):
             last: What the last tick in full left behind.
             number: Number of the cycle.
             time_ns: Its time [ns].
-            motions: What was measured in it, shape (2 J,).
+            motions: What was measured in it, as in HardwareValues.
             memory: What the controller remembers of it.
         """
         state = steady.state(time_ns, motions, memory)

@@ -112,9 +112,8 @@ class SteadyTicks(Protocol[S_co]):
     ) -> Sequence[float] | None:
         """Return the values that a tick commands; None if it has to be one in full.
 
-        `motions` are positions and velocities of all J joints, shape (2 J,). In
-        `memory`, what the last tick has left, it puts what this one leaves, unless it
-        returns None.
+        `motions` are as in HardwareValues. In `memory`, what the last tick has left, it
+        puts what this one leaves, unless it returns None.
         """
 
     def state(self, time_ns: int, motions: Array, memory: Sequence[float]) -> S_co:
@@ -143,11 +142,11 @@ class SteadyCommand(SilentTicks, Generic[S]):
         self,
         command: Array,
         state: S,
-        sense: Callable[[S, Array], S] | None = None,
+        sense: Callable[[S, int, Array], S] | None = None,
         *,
         until_ns: int = NEVER_NS,
     ) -> None:
-        """Create it; `sense` returns the state with what is measured, if any."""
+        """Create it; `sense` returns the state with time and what is measured."""
         self._command, self._state, self._sense = command.tolist(), state, sense
         self.until_ns = until_ns
 
@@ -160,14 +159,17 @@ class SteadyCommand(SilentTicks, Generic[S]):
 
     def state(self, time_ns: int, motions: Array, memory: Sequence[float]) -> S:
         """Return the state that a tick leaves behind."""
-        del time_ns, memory
-        return self._state if self._sense is None else self._sense(self._state, motions)
+        del memory
+        if self._sense is None:
+            return self._state
+        return self._sense(self._state, time_ns, motions)
 
 
 class HardwareValues(NamedTuple):
     """What a manager has read for all of its controllers."""
 
-    # What is on a port of positions and velocities of all joints.
+    # Positions and velocities of all J joints, shape (2 J,), or all that is measured,
+    # these first, if one of those that tick reads more.
     motions: Array
 
     # What the command interfaces hold.

@@ -6,7 +6,7 @@ filters, `filter_chain.hpp`.
 
 import dataclasses as dc
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, ClassVar, Final, NamedTuple
 
 import numpy as np
@@ -15,11 +15,13 @@ from arm_drake.arrays import Array
 from arm_drake.control.filters import (
     ChainState,
     FilterChain,
+    FilterState,
     LowPassFilter,
     find_unused,
 )
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.topics import SensorBroadcaster
+from arm_drake.controllers.cycles import SteadyTicks, UpdateResult
+from arm_drake.controllers.topics import SensorBroadcaster, SteadyBroadcast
 from arm_drake.description.parameters import ParameterGroup, Rule, check_not_empty
 from arm_drake.errors import ParameterError
 from arm_drake.interfaces import FORCES
@@ -151,6 +153,7 @@ class ForceTorqueSensorBroadcaster(
     they were when the broadcaster is activated again.
     """
 
+    reads_by_now = True
     reads = (
         "``force.{x,y,z}`` [N] and ``torque.{x,y,z}`` [N·m] of ``<sensor_name>``, or "
         "``interface_names``"
@@ -189,22 +192,82 @@ class ForceTorqueSensorBroadcaster(
         self._at = [index for index, name in enumerate(names) if name]
         self._offset = np.array(_of_axes(parameters.offset))
         self._multiplier = np.array(_of_axes(parameters.multiplier))
+        self.num_remembered = len(_to_numbers(initial))
 
     def _make(
         self, header: Header, values: Array, last: ForceTorqueSensorBroadcasterState
     ) -> ForceTorqueSensorBroadcasterState:
+        wrench = self._find_wrench(values)
+        return self._show(header, wrench, self._filters.update(last.filters, wrench))
+
+    def _find_wrench(self, values: Array) -> Array:
+        """Return a wrench, not filtered, shape (6,)."""
         wrench = np.full(len(_AXES), math.nan)
         wrench[self._at] = values
         wrench = (wrench + self._offset) * self._multiplier
-        filters = self._filters.update(last.filters, wrench)
+        return wrench
+
+    def _show(
+        self, header: Header, wrench: Array, filters: ChainState
+    ) -> ForceTorqueSensorBroadcasterState:
         return ForceTorqueSensorBroadcasterState(
             WrenchStamped(header, make_wrench(wrench)),
             WrenchStamped(header, make_wrench(filters.output)),
             filters,
         )
 
+    def steady(
+        self, last: UpdateResult[ForceTorqueSensorBroadcasterState], time_ns: int
+    ) -> SteadyTicks[ForceTorqueSensorBroadcasterState] | None:
+        """Return ticks that remember what the filters do."""
+        if not self.num_remembered:
+            return super().steady(last, time_ns)
+        return _SteadyFilters(self, last.state)
+
+    def remember(self, state: ForceTorqueSensorBroadcasterState) -> list[float]:
+        """Return what filters remember."""
+        return _to_numbers(state.filters)
+
     def _export(self, state: ForceTorqueSensorBroadcasterState) -> Array:
         return np.array(_of_axes(state.wrench.wrench))[self._at]
+
+
+class _SteadyFilters(SteadyBroadcast[ForceTorqueSensorBroadcasterState]):
+    """Steady ticks with filters."""
+
+    _system: ForceTorqueSensorBroadcaster
+
+    def command(
+        self, time_ns: int, motions: Array, memory: list[float]
+    ) -> Sequence[float]:
+        """Return no values; the wrench goes through the filters."""
+        del time_ns
+        wrench = self._system._find_wrench(self._values(motions))
+        filters = self._system._filters.update(_to_state(memory), wrench)
+        memory[:] = _to_numbers(filters)
+        return ()
+
+    def state(
+        self, time_ns: int, motions: Array, memory: Sequence[float]
+    ) -> ForceTorqueSensorBroadcasterState:
+        """Return what a tick publishes."""
+        system = self._system
+        wrench = system._find_wrench(self._values(motions))
+        return system._show(system._header(time_ns), wrench, _to_state(memory))
+
+
+def _to_numbers(filters: ChainState) -> list[float]:
+    """Return what filters of a wrench remember, one after the other."""
+    return [
+        number for state in filters.states for row in state for number in row.tolist()
+    ]
+
+
+def _to_state(numbers: Sequence[float]) -> ChainState:
+    """Return what at least one filter remembers, of its numbers."""
+    rows = np.reshape(numbers, (-1, 2, len(_AXES)))
+    states = tuple(FilterState(*pair) for pair in rows)
+    return ChainState(states, states[-1].output)
 
 
 def make_wrench(values: Array) -> Wrench:

@@ -10,7 +10,12 @@ import numpy as np
 
 from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.cycles import UpdateContext
+from arm_drake.controllers.cycles import (
+    SteadyCommand,
+    SteadyTicks,
+    UpdateContext,
+    UpdateResult,
+)
 from arm_drake.controllers.topics import Inbox, TopicController, latest_reason
 from arm_drake.description.parameters import (
     check_not_empty,
@@ -102,6 +107,8 @@ class GpioCommandController(TopicController[GpioCommandControllerState]):
     every tick fails and nothing is written, where upstream writes the groups before.
     """
 
+    reads_by_now = True
+
     def __init__(
         self,
         parameters: GpioCommandControllerParameters,
@@ -142,10 +149,25 @@ class GpioCommandController(TopicController[GpioCommandControllerState]):
     def _update(
         self, now: UpdateContext, state: GpioCommandControllerState
     ) -> GpioCommandControllerState:
-        state = state._replace(
-            measured=np.array(self._read(now.context)), time_ns=now.time_ns
-        )
+        state = self._sense(state, now.time_ns, self._measured_now(now))
         return self._receive(now, state)
+
+    def steady(
+        self, last: UpdateResult[GpioCommandControllerState], time_ns: int
+    ) -> SteadyTicks[GpioCommandControllerState]:
+        """Return the command that holds, beside what is read."""
+        del time_ns
+        return SteadyCommand(
+            last.command,
+            last.state,
+            lambda state, at, motions: self._sense(state, at, motions[self._read_at]),
+        )
+
+    def _sense(
+        self, state: GpioCommandControllerState, time_ns: int, values: Array
+    ) -> GpioCommandControllerState:
+        """Return the state with what is read, shape (m,)."""
+        return state._replace(measured=np.array(values), time_ns=time_ns)
 
     def _take(
         self,

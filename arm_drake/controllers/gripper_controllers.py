@@ -313,7 +313,8 @@ class GripperControllerBase(TopicController[GripperState]):
             return None
         return SteadyCommand(last.command, last.state, self._sense)
 
-    def _sense(self, state: GripperState, motions: Array) -> GripperState:
+    def _sense(self, state: GripperState, time_ns: int, motions: Array) -> GripperState:
+        del time_ns
         position, velocity = motions[self._read_at].tolist()
         return state._replace(position=position, velocity=velocity)
 

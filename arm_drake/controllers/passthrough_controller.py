@@ -11,7 +11,12 @@ import numpy as np
 
 from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.cycles import UpdateContext
+from arm_drake.controllers.cycles import (
+    SteadyCommand,
+    SteadyTicks,
+    UpdateContext,
+    UpdateResult,
+)
 from arm_drake.controllers.topics import CHAINED, Inbox, TopicController
 from arm_drake.description.parameters import check_not_empty, check_unique
 from arm_drake.messages import Float64MultiArray
@@ -61,6 +66,8 @@ class PassthroughController(TopicController[PassthroughState]):
     a value that isn't finite.
     """
 
+    reads_by_now = True
+
     def __init__(
         self,
         parameters: PassthroughControllerParameters,
@@ -85,6 +92,13 @@ class PassthroughController(TopicController[PassthroughState]):
             return state
         command = np.where(np.isnan(chained), state.command, chained)
         return state._replace(command=command)
+
+    def steady(
+        self, last: UpdateResult[PassthroughState], time_ns: int
+    ) -> SteadyTicks[PassthroughState]:
+        """Return the references that hold."""
+        del time_ns
+        return SteadyCommand(last.command, last.state)
 
     def _take(
         self,

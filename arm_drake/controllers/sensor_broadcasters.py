@@ -17,7 +17,8 @@ from pydrake.math import RollPitchYaw
 
 from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.topics import SensorBroadcaster
+from arm_drake.controllers.cycles import SteadyTicks, UpdateResult
+from arm_drake.controllers.topics import SensorBroadcaster, SteadyBroadcast
 from arm_drake.description.parameters import (
     ParameterGroup,
     Rule,
@@ -108,6 +109,7 @@ class IMUSensorBroadcaster(SensorBroadcaster[Imu]):
     is of the fixed frame and stays.
     """
 
+    reads_by_now = True
     message = Imu
     names = (*ORIENTATIONS, *RATES, *ACCELERATIONS)
     reads = (
@@ -203,6 +205,7 @@ class RangeSensorBroadcaster(SensorBroadcaster[Range]):
     beyond ``min_range`` and ``max_range``.
     """
 
+    reads_by_now = True
     message = Range
     names = ("range",)
     reads = "``<sensor_name>/range`` [m]"
@@ -265,6 +268,7 @@ class PoseBroadcaster(SensorBroadcaster[PoseBroadcasterState]):
     and the squared norm of the orientation is within 0.01 of 1.
     """
 
+    reads_by_now = True
     message = PoseBroadcasterState
     reads = (
         "``<pose_name>/position.{x,y,z}`` [m] and ``<pose_name>/orientation.{x,y,z,w}``"
@@ -305,6 +309,25 @@ class PoseBroadcaster(SensorBroadcaster[PoseBroadcasterState]):
         tf = TransformStamped(header, self._child_frame_id, transform)
         return PoseBroadcasterState(pose, TFMessage((tf,)))
 
+    def steady(
+        self, last: UpdateResult[PoseBroadcasterState], time_ns: int
+    ) -> SteadyTicks[PoseBroadcasterState] | None:
+        """Return what makes a message while poses are valid, or don't go to /tf."""
+        if not self._parameters.tf.enable:
+            return super().steady(last, time_ns)
+        return _SteadyPose(self, last.state)
+
+
+class _SteadyPose(SteadyBroadcast[PoseBroadcasterState]):
+    """Steady ticks with poses that go to /tf."""
+
+    def command(
+        self, time_ns: int, motions: Array, memory: list[float]
+    ) -> Sequence[float] | None:
+        """Return no values; None where what went to /tf before stays."""
+        del time_ns, memory
+        return () if is_valid(self._values(motions).tolist()) else None
+
 
 def is_valid(pose: Sequence[float]) -> bool:
     """Return whether a pose may go to /tf; `pose` shape (7,)."""
@@ -344,6 +367,7 @@ class GPSSensorBroadcaster(SensorBroadcaster[NavSatFix]):
     the message's matrix, in the order of their interfaces, as upstream has it.
     """
 
+    reads_by_now = True
     message = NavSatFix
     reads = (
         "``status``, ``service``, ``latitude``, ``longitude`` and ``altitude`` of "
@@ -406,6 +430,7 @@ class MagnetometerBroadcaster(SensorBroadcaster[MagneticField]):
     The state is what was published last.
     """
 
+    reads_by_now = True
     message = MagneticField
     names = tuple(f"magnetic_field.{axis}" for axis in "xyz")
     reads = "``<sensor_name>/magnetic_field.{x,y,z}`` [T]"
@@ -442,6 +467,7 @@ class StateInterfacesBroadcaster(SensorBroadcaster[NamedValues]):
     The state is what was published last.
     """
 
+    reads_by_now = True
     reads = "what the parameter ``interfaces`` lists"
     topics: ClassVar = {
         "names": "Keys: these names, always the same",
@@ -524,6 +550,7 @@ class Vda5050SafetyStateBroadcaster(SensorBroadcaster[VDA5050SafetyState]):
     NaN. Of several emergency stops a manual one comes first, then a remote one.
     """
 
+    reads_by_now = True
     message = VDA5050SafetyState
     reads = "what the parameter ``interfaces`` lists"
     topics: ClassVar = {"vda5050_safety_state": "VDA5050SafetyState of the last tick"}

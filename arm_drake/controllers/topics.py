@@ -5,7 +5,16 @@ import textwrap
 from abc import abstractmethod
 from collections.abc import Callable, Collection, Mapping, Sequence
 from operator import attrgetter, is_
-from typing import Any, ClassVar, NamedTuple, Protocol, Self, TypeAlias, TypeVar
+from typing import (
+    Any,
+    ClassVar,
+    Generic,
+    NamedTuple,
+    Protocol,
+    Self,
+    TypeAlias,
+    TypeVar,
+)
 
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, InputPort
@@ -16,7 +25,13 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
     TickingController,
 )
-from arm_drake.controllers.cycles import UpdateContext, messages_on
+from arm_drake.controllers.cycles import (
+    SilentTicks,
+    SteadyTicks,
+    UpdateContext,
+    UpdateResult,
+    messages_on,
+)
 from arm_drake.messages import (
     CancelResponse,
     Float64,
@@ -239,7 +254,8 @@ class SensorBroadcaster(TickingController[S]):
     """Base of broadcasters, whose state is what was published last.
 
     A subclass says what it reads and publishes, and makes its message by `_make`. Of
-    several topics each is a field of the state.
+    several topics each is a field of the state. One that `reads_by_now` makes it of the
+    values alone, or has steady ticks of its own.
     """
 
     # Class of the message, or of the state.
@@ -290,9 +306,42 @@ class SensorBroadcaster(TickingController[S]):
         """Return what to publish, of what is read and what was published last."""
 
     def _update(self, now: UpdateContext, state: S) -> S:
-        frame_id = getattr(self._parameters, "frame_id", "")
-        header = Header.from_nanoseconds(now.time_ns, frame_id)
-        return self._make(header, self._read(now.context), state)
+        return self._make(self._header(now.time_ns), self._measured_now(now), state)
+
+    def _header(self, time_ns: int) -> Header:
+        """Return the header of what is published at a time [ns]."""
+        return Header.from_nanoseconds(
+            time_ns, getattr(self._parameters, "frame_id", "")
+        )
+
+    def steady(self, last: UpdateResult[S], time_ns: int) -> SteadyTicks[S] | None:
+        """Return what makes a message of numbers when somebody looks at it."""
+        del time_ns
+        return SteadyBroadcast(self, last.state)
+
+
+class SteadyBroadcast(SilentTicks, Generic[S]):
+    """Steady ticks of a broadcaster: of what was measured the last message is made."""
+
+    def __init__(self, system: SensorBroadcaster[S], last: S) -> None:
+        """Create it; `last` is what was published last."""
+        self._system, self._last = system, last
+
+    def _values(self, motions: Array) -> Array:
+        return motions[self._system._read_at]
+
+    def command(
+        self, time_ns: int, motions: Array, memory: list[float]
+    ) -> Sequence[float] | None:
+        """Return no values, for it commands nothing."""
+        del time_ns, motions, memory
+        return ()
+
+    def state(self, time_ns: int, motions: Array, memory: Sequence[float]) -> S:
+        """Return what a tick publishes."""
+        del memory
+        system = self._system
+        return system._make(system._header(time_ns), self._values(motions), self._last)
 
 
 def _itself(message: S) -> S:

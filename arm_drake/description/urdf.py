@@ -320,7 +320,8 @@ def _read_sensors(
     components = {sensor.name for block in hardware for sensor in block.sensors}
     measuring = components.union(s.name for s in sensors if s.type == CONTACT)
     seeing: tuple[PerceptionSensor, ...] = ()
-    if sensors:
+    realsenses = (p for p in read_gazebo_plugins(root) if p.is_realsense)
+    if any(s.type != CONTACT for s in sensors) or any(realsenses):
         from arm_drake.description import perception_sensors as perception
 
         seeing = perception.read_perception_sensors(root, links, joints, report, file)

@@ -130,6 +130,8 @@ class RobotSystems:
             manager, hardware.joint_states, hardware.readings
         )
         systems = {c.name: c.system for c in controllers if c.system is not None}
+        if manager.HasInputPort(interfaces.MEASURED_PORT):
+            builder.Connect(everything, manager.GetInputPort(interfaces.MEASURED_PORT))
         for name, system in systems.items():
             self._add_controller(name, system, hardware, everything)
             manager.add_controller(builder, system)

@@ -359,7 +359,8 @@ class ControllerManager(PythonSystem):
     =================  ====  =======  ==================================================
 
     Further input ports, `command_interfaces:<controller>`, are what their ticks leave
-    behind, and `inbox:<controller>` what lies on their topics.
+    behind, and `inbox:<controller>` what lies on their topics; `measured` is all that
+    is measured, where one that reads more than the motions ticks without its ports.
 
     One update stores what all controllers leave behind. Their commands are taken from
     their ticks, so they act on the very step of the plant that starts with the cycle. A
@@ -403,7 +404,7 @@ class ControllerManager(PythonSystem):
         nothing, J = AbstractValue.Make(()), len(hardware_interfaces.joint_types)
         self._switch = self.DeclareAbstractInputPort(SWITCH_PORT, nothing)
         self._measured = self.DeclareVectorInputPort(interfaces.STATE_PORT, 3 * J)
-        self._keeper = self._make_keeper(systems, J)
+        self._keeper = self._make_keeper(systems, hardware_interfaces)
         self._claimants = claimants = Claimants(systems, self.commands, drive.joints)
         self._loop = Loop(
             self._lifecycle, claimants, drive, limits, hardware_interfaces
@@ -414,7 +415,7 @@ class ControllerManager(PythonSystem):
         self._state_index = int(self.DeclareAbstractState(AbstractValue.Make(state)))
         self._cycle = self._declare_read("cycle", self._calc_cycle, is_of_now=True)
         self._num_servo = len(drive.servo_input(state.drive))
-        self._num_motions = 2 * J
+        self._num_motions = self._keeper.num_measured
         *numbers, steady = self._declare_numbers(state)
         self._values, self._drive_state, self._flags = map(int, numbers)
         self._steady_state = int(steady)
@@ -455,14 +456,20 @@ class ControllerManager(PythonSystem):
         return index
 
     def _make_keeper(
-        self, systems: Mapping[str, ControllerInterface], J: int
+        self,
+        systems: Mapping[str, ControllerInterface],
+        hardware_interfaces: HardwareInterfaces,
     ) -> TickKeeper:
-        """Declare the ports of what controllers and the motions of J joints say."""
+        """Declare the ports of what controllers say, and of what they read."""
         nothing = AbstractValue.Make(())
+        sizes = {
+            interfaces.MOTIONS_PORT: 2 * len(hardware_interfaces.joint_types),
+            interfaces.MEASURED_PORT: len(hardware_interfaces.measured),
+        }
         return TickKeeper(
             systems,
-            self.DeclareVectorInputPort(interfaces.MOTIONS_PORT, 2 * J),
             lambda name: self.DeclareAbstractInputPort(name, nothing),
+            lambda name: self.DeclareVectorInputPort(name, sizes[name]),
         )
 
     def _make_lifecycle(
@@ -677,7 +684,7 @@ class ControllerManager(PythonSystem):
                 return None
             self._quiet.remember(resumed)
             steady = resumed
-        motions = self._keeper.motions.Eval(context)
+        motions = self._keeper.measure(context, reads_all=steady.reads_all)
         n = len(self._drive.joints)
         memory = list(last[1 + 2 * n :])
         found = steady.tick(time_ns, last[1 : 1 + 2 * n], motions, memory)
@@ -691,8 +698,10 @@ class ControllerManager(PythonSystem):
         """Write a steady cycle to the discrete state, of which `kept` is a part."""
         _, number, motions, memory, values, servo_input, rates = tick
         first = servo_input[: len(rates)]
+        # Where nobody active reads more, motions are less than there is room for.
+        rest = [0.0] * (self._num_motions - len(motions))
         self._kept_struct.pack_into(
-            kept, 0, number, *first, *rates, *memory, *motions.tolist()
+            kept, 0, number, *first, *rates, *memory, *motions.tolist(), *rest
         )
         view = numbers.get_mutable_value(self._drive_state)
         self._servo_struct.pack_into(view, 0, *servo_input)
@@ -721,7 +730,9 @@ class ControllerManager(PythonSystem):
             old.ticks,
             inputs,
         )
-        hardware = HardwareValues(self._keeper.motions.Eval(context), old.values)
+        reads_all = any(controller.reads_all for _, controller in controllers)
+        motions = self._keeper.measure(context, reads_all=reads_all)
+        hardware = HardwareValues(motions, old.values)
         ticks = {**old.ticks}
         for name, controller in controllers:
             ticks[name] = controller.tick(cycle, hardware)

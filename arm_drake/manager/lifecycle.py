@@ -355,11 +355,21 @@ class TickKeeper:
     def __init__(
         self,
         systems: Mapping[str, ControllerInterface],
-        motions: InputPort,
         declare: Callable[[str], InputPort],
+        declare_read: Callable[[str], InputPort],
     ) -> None:
-        """Create it; direct controllers read all joints from `motions`."""
-        self.motions = motions
+        """Create it, and declare ports: of controllers, and of what is measured."""
+        ticking = {
+            name: system
+            for name, system in systems.items()
+            if isinstance(system, TickingController) and system.params.is_managed
+        }
+        # Positions and velocities of all joints; all that is measured, if some that are
+        # direct read it.
+        self._motions = declare_read(interfaces.MOTIONS_PORT)
+        self._measured: InputPort | None = None
+        if any(system.is_direct and system.reads_all for system in ticking.values()):
+            self._measured = declare_read(interfaces.MEASURED_PORT)
         self._members = {
             name: _Member(
                 name,
@@ -369,8 +379,7 @@ class TickKeeper:
                 system.is_direct,
                 system.may_rest,
             )
-            for name, system in systems.items()
-            if isinstance(system, TickingController) and system.params.is_managed
+            for name, system in ticking.items()
         }
         self.inboxes = [member.inbox for member in self._members.values()]
         self.are_direct = all(
@@ -384,6 +393,19 @@ class TickKeeper:
         if member is not None:
             builder.Connect(system.GetOutputPort(interfaces.COMMAND_PORT), member.ticks)
             builder.Connect(add_inbox(system), member.inbox)
+
+    @property
+    def num_measured(self) -> int:
+        """How many numbers `measure` returns at most."""
+        return (self._measured or self._motions).size()
+
+    def measure(self, context: Context, *, reads_all: bool) -> Array:
+        """Return what direct controllers read, if some of them read all, or none."""
+        if reads_all and self._measured is not None:
+            motions: Array = self._measured.Eval(context)
+            return motions
+        motions = self._motions.Eval(context)
+        return motions
 
     def start(self) -> UpdateResults:
         """Return what there is before the first cycle."""
@@ -419,9 +441,13 @@ class TickKeeper:
                     and result.inputs is inputs
                 ):
                     if hardware is None:
-                        hardware = HardwareValues(
-                            self.motions.Eval(context), state.values
+                        reads_all = any(
+                            m.system.reads_all
+                            for name, m in self._members.items()
+                            if m.is_direct and name not in asleep
                         )
+                        motions = self.measure(context, reads_all=reads_all)
+                        hardware = HardwareValues(motions, state.values)
                     result = member.system.tick(cycle, hardware)
                 else:
                     result = member.ticks.Eval(context)
@@ -464,7 +490,7 @@ class SteadyTick(NamedTuple):
     # The state that it goes on from.
     base: ManagerState
 
-    # Its number, and what was measured in it, shape (2 J,).
+    # Its number, and what was measured in it, as in HardwareValues.
     number: int
     motions: Array
 
@@ -528,8 +554,9 @@ class SteadyCycles:
         self.monitor_ns = min(
             (c.ticks.monitor_ns for c in controllers), default=NEVER_NS
         )
-        # What is on the ports meanwhile.
+        # What is on the ports meanwhile, and whether they read more than motions.
         self.inputs = base.cycle.inputs
+        self.reads_all = any(c.system.reads_all for c in controllers)
 
     @classmethod
     def after(

@@ -18,10 +18,6 @@ from pydrake.systems.framework import Context
 from arm_drake import interfaces
 from arm_drake.controllers import find_controller_type
 from arm_drake.controllers.controller_interface import ControllerInterface
-from arm_drake.controllers.joint_trajectory.parameters import (
-    JointTrajectoryControllerParameters,
-)
-from arm_drake.controllers.pid_controller import PidControllerParameters
 from arm_drake.description.controllers import ControllerConfig
 from arm_drake.description.parameters import Parameter, Parameters, load_parameters
 from arm_drake.description.report import LoadReport
@@ -537,14 +533,15 @@ def _list(names: Sequence[str]) -> str:
     return ", ".join(repr(name) for name in dict.fromkeys(names))
 
 
-# Of a type that isn't here the controller itself decides.
-_CHANGEABLE: dict[type, tuple[str, ...]] = {
-    PidControllerParameters: (
+# By the names of types, for few robots have all; of one that isn't here the controller
+# itself decides.
+_CHANGEABLE: dict[str, tuple[str, ...]] = {
+    "PidControllerParameters": (
         "enable_feedforward",
         "gains.*",
         "set_current_state_as_first_setpoint",
     ),
-    JointTrajectoryControllerParameters: (
+    "JointTrajectoryControllerParameters": (
         "allow_integration_in_goal_trajectories",
         "allow_nonzero_velocity_at_trajectory_end",
         "allow_partial_joints_goal",
@@ -612,10 +609,7 @@ def is_changeable(robot: Robot, system: ControllerInterface, name: str) -> bool:
     _, schema = _find_schema(robot, system)
     if schema is None:
         return False
-    patterns = next(
-        (names for kind, names in _CHANGEABLE.items() if issubclass(schema, kind)),
-        ("*",),
-    )
+    patterns = _find_changeable(schema) or ("*",)
     return any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns)
 
 
@@ -689,17 +683,21 @@ def _load(
 def _check_changes(controller: str, before: Any, after: Any) -> None:
     """Raise ParameterError if something changes that mustn't."""
     old, new = dict(_leaves(before, "")), dict(_leaves(after, ""))
-    for schema, changeable in _CHANGEABLE.items():
-        if not isinstance(after, schema):
-            continue
-        for name, value in new.items():
-            if value != old.get(name) and not any(
-                fnmatch.fnmatchcase(name, pattern) for pattern in changeable
-            ):
-                raise ParameterError(
-                    f"{_FIXED}; these can: {', '.join(changeable)}",
-                    where=f"{controller}.{name}",
-                )
+    changeable = _find_changeable(type(after)) or ("*",)
+    for name, value in new.items():
+        if value != old.get(name) and not any(
+            fnmatch.fnmatchcase(name, pattern) for pattern in changeable
+        ):
+            raise ParameterError(
+                f"{_FIXED}; these can: {', '.join(changeable)}",
+                where=f"{controller}.{name}",
+            )
+
+
+def _find_changeable(schema: type) -> tuple[str, ...]:
+    """Return which parameters of a type may change; empty if that isn't known here."""
+    found = (_CHANGEABLE.get(kind.__name__) for kind in schema.__mro__)
+    return next(filter(None, found), ())
 
 
 def _flatten(changes: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:

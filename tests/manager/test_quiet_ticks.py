@@ -4,34 +4,23 @@ Both ways are functions of one Context, so every cycle that is taken quietly is 
 in full, too, and compared. How many were quiet is counted.
 """
 
-import dataclasses as dc
-import functools
 from collections import defaultdict
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
 import pytest
 from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
 
 import arm_drake as ad
 from arm_drake import interfaces
-from arm_drake.control.drive_commands import DriveCommands
-from arm_drake.control.trajectory import Sample
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.joint_trajectory.controller import JointTrajectoryController
 from arm_drake.description.bundled import configs_folder
-from arm_drake.description.report import LoadReport
-from arm_drake.manager import ControllerManager
 from arm_drake.manager.controller_manager import SWITCH_PORT
-from arm_drake.manager.hardware_interfaces import HardwareInterfaces
-from arm_drake.manager.loaded_controllers import LoadedController
 from arm_drake.messages import (
     Float64MultiArray,
-    GoalEvent,
     GripperCommandGoal,
     JointTrajectory,
     JointTrajectoryPoint,
@@ -44,6 +33,7 @@ from tests import carts, models
 from tests.conformance.jtc_players import NAME, Dict, Player, flatten, load
 from tests.conformance.open_loop import OpenLoop, is_started
 from tests.conformance.test_oracle_jtc_scenarios import INPUTS, OUTPUTS, REPLAYED
+from tests.manager.both_ways import Count, Managed, compare
 from tests.oracle import oracle_cases
 from tests.robots import skip_or_fail
 
@@ -54,171 +44,12 @@ PERIOD = 0.01
 BENCH = [pytest.mark.slow, pytest.mark.long]
 
 
-@dc.dataclass
-class Count:
-    """How many cycles were steady, and how many others were quiet or were neither."""
-
-    num_steady: int = 0
-    num_quiet: int = 0
-    num_full: int = 0
-
-    @property
-    def share(self) -> float:
-        return 1.0 - self.num_full / self.total
-
-    @property
-    def steady_share(self) -> float:
-        return self.num_steady / self.total
-
-    @property
-    def total(self) -> int:
-        return self.num_steady + self.num_quiet + self.num_full
-
-
-_EVENT = ("request", "status", "result", "feedback", "note")
-
-
-def find_difference(one: Any, other: Any, where: str = "") -> str:
-    """Return where two values differ in a bit; empty if they don't."""
-    if one is other:
-        return ""
-    if type(one) is not type(other):
-        return f"{where}: {one!r} and {other!r}"
-    parts: list[tuple[Any, Any, Any]] = []
-    if isinstance(one, np.ndarray | float):
-        a, b = np.asarray(one), np.asarray(other)
-        is_same = (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
-        return "" if is_same else f"{where}: {one!r} and {other!r}"
-    if isinstance(one, GoalEvent):
-        # It is made when somebody looks at it.
-        parts = [(n, getattr(one, n), getattr(other, n)) for n in _EVENT]
-    elif isinstance(one, Sample):
-        names = ("position", "velocity", "acceleration", "effort")
-        names += ("segment_start", "segment_end")
-        parts = [(n, getattr(one, n), getattr(other, n)) for n in names]
-    elif isinstance(one, functools.partial):
-        parts = [("function", one.func, other.func), ("args", one.args, other.args)]
-    elif isinstance(one, dict):
-        if list(one) != list(other):
-            return f"{where}: {list(one)} and {list(other)}"
-        parts = [(key, one[key], other[key]) for key in one]
-    elif isinstance(one, tuple):
-        if len(one) != len(other):
-            return f"{where}: {one!r} and {other!r}"
-        names = getattr(one, "_fields", range(len(one)))
-        parts = list(zip(names, one, other, strict=True))
-    elif dc.is_dataclass(one):
-        fields = [field.name for field in dc.fields(one)]
-        parts = [(n, getattr(one, n), getattr(other, n)) for n in fields]
-    elif one != other:
-        return f"{where}: {one!r} and {other!r}"
-    differences = (find_difference(a, b, f"{where}.{name}") for name, a, b in parts)
-    return next(filter(None, differences), "")
-
-
-def compare(count: Count, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Compute each cycle in full, too, and compare."""
-    tick_quietly = ControllerManager._tick_quietly
-    tick_steadily = ControllerManager._tick_steadily
-
-    def tick(manager: ControllerManager, context: Any, old: Any) -> Any:
-        new = tick_quietly(manager, context, old)
-        if new is None:
-            count.num_full += 1
-            return None
-        count.num_quiet += 1
-        assert not find_difference(new, manager._tick(context, old))
-        return new
-
-    def tick_in_numbers(
-        manager: ControllerManager, context: Any, base: Any, numbers: Any
-    ) -> Any:
-        found = tick_steadily(manager, context, base, numbers)
-        if found is None:
-            return None
-        count.num_steady += 1
-        full = manager._tick(context, manager.read_state(context))
-        full = full._replace(cycle=full.cycle._replace(ticks={}))
-        new_base, number, motions, memory, values, told, rates = found
-        kept = np.array([number, *told[: len(rates)], *rates, *memory, *motions])
-        steady = manager._quiet.steady_cycles(new_base)
-        assert steady is not None
-        new = manager._make_state(steady, np.array(values), np.array(told), kept)
-        assert not find_difference(new, full)
-        np.testing.assert_array_equal([*told, *rates], full.drive)
-        return found
-
-    monkeypatch.setattr(ControllerManager, "_tick_quietly", tick)
-    monkeypatch.setattr(ControllerManager, "_tick_steadily", tick_in_numbers)
-
-
 @pytest.fixture
 def count(monkeypatch: pytest.MonkeyPatch) -> Count:
     """Compare both ways in each cycle."""
     counted = Count()
     compare(counted, monkeypatch)
     return counted
-
-
-class Managed:
-    """A controller with a manager, and nothing else."""
-
-    def __init__(self, system: Any, claims: tuple[str, ...], status: str) -> None:
-        self.system, params = system, system.params
-        joints, rate = tuple(params.joint_types), params.update_rate
-        basic = interfaces.interface_names(joints, interfaces.STATE_INTERFACES)
-        robot: Any = SimpleNamespace(
-            controllers=SimpleNamespace(update_rate=rate, controllers=()),
-            distro=params.distro,
-        )
-        offered = HardwareInterfaces(
-            params.joint_types,
-            claims,
-            params.measured,
-            dict.fromkeys(joints, 0.0),
-            sensed=tuple(n for n in params.measured if n not in basic),
-        )
-        builder = DiagramBuilder()
-        self.manager = ControllerManager(
-            robot,
-            [LoadedController(params.controller_name, "", status, system)],
-            LoadReport(),
-            prefix="",
-            period=params.period,
-            log_period=params.period,
-            drive=DriveCommands(joints, claims, velocity_lead=0.05),
-            hardware_interfaces=offered,
-        )
-        builder.AddSystem(self.manager)
-        builder.AddSystem(system)
-        self.manager.add_controller(builder, system)
-        for part in (self.manager, system):
-            for index in range(part.num_input_ports()):
-                port = part.get_input_port(index)
-                if not builder.IsConnectedOrExported(port):
-                    name = f"{part.get_name()}.{port.get_name()}"
-                    builder.ExportInput(port, name)
-        self.manager.set_name("manager")
-        self.diagram = builder.Build()
-        self.simulator = Simulator(self.diagram)
-        self.simulator.Initialize()
-        root = self.simulator.get_mutable_context()
-        self.context = system.GetMyMutableContextFromRoot(root)
-
-    def fix(self, system: Any, port: str, value: Any) -> None:
-        context = system.GetMyMutableContextFromRoot(
-            self.simulator.get_mutable_context()
-        )
-        if system.HasInputPort(port):
-            system.GetInputPort(port).FixValue(context, value)
-
-    def measure(self, measured: list[float]) -> None:
-        """Put what is measured on all ports, in the order of the controller's own."""
-        J = len(self.system.params.joint_types)
-        size = self.system.GetInputPort(interfaces.STATE_PORT).size()
-        self.fix(self.system, interfaces.STATE_PORT, measured[:size])
-        self.fix(self.manager, interfaces.STATE_PORT, measured[: 3 * J])
-        self.fix(self.manager, interfaces.MOTIONS_PORT, measured[: 2 * J])
 
 
 class ManagedPlayer(Player):

@@ -673,7 +673,8 @@ class JointTrajectoryController(
         self, last: UpdateResult[JointTrajectoryControllerSystemState], time_ns: int
     ) -> SteadyTicks[JointTrajectoryControllerSystemState] | None:
         """Return how it follows a trajectory between two of its points."""
-        if not SteadyTrajectory.can_follow(last.state, time_ns):
+        # Accelerations and scaling factors that are read take ticks in full.
+        if self.reads_all or not SteadyTrajectory.can_follow(last.state, time_ns):
             return None
         period_ns = self.whole_period_ns
         has_pids = last.state.inbox.rules.pid is not None
