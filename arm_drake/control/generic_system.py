@@ -454,13 +454,13 @@ class GenericSystem:
             hidden = self._integrate(states, state, commands, period)
         mirror, mimics = self._mirror, self._mimics
         targets, values = mirror.targets, commands[mirror.sources] + mirror.offsets
-        is_given = np.isfinite(values)
-        if not is_given.all():
+        is_set = np.isfinite(values)
+        if not is_set.all():
             for i in np.flatnonzero(np.isinf(values) & mirror.is_checked):
                 name = self.command_interfaces[mirror.sources[i]]
                 problem = f"{name}: expected a finite command, got {values[i]}"
                 raise InfiniteCommandError(problem)
-            targets, values = targets[is_given], values[is_given]
+            targets, values = targets[is_set], values[is_set]
         states[targets] = values
         if len(mirror.bools):
             states[mirror.bools] = states[mirror.bools] != 0.0

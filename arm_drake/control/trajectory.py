@@ -141,7 +141,7 @@ class Knots(NamedTuple):
     def fields(self, knot: int) -> tuple[Array | None, ...]:
         """Return positions to effort of a knot, each of shape (n,); None if missing."""
         entries = zip(self.values[:, knot], self.at_end[:, knot], strict=True)
-        return tuple(vector if is_given else None for vector, is_given in entries)
+        return tuple(vector if is_present else None for vector, is_present in entries)
 
 
 # Numbers near the largest ones make infinite polynomials, which is no news of ours.
@@ -439,12 +439,12 @@ class Positions:
 
     def at(self, time_ns: int) -> list[float]:
         """Return the positions at a time, n of them."""
-        begin_ns, end_ns, rows, held = self._stretch
+        begin_ns, end_ns, rows, constant = self._stretch
         if not begin_ns <= time_ns < end_ns:
             self._stretch = self._find(time_ns)
-            begin_ns, _, rows, held = self._stretch
+            begin_ns, _, rows, constant = self._stretch
         if rows is None:
-            return held
+            return constant
         tau = (time_ns - begin_ns) / NANOSECONDS
         found: list[float] = _powers(tau, len(rows)).dot(rows).tolist()
         return found

@@ -310,8 +310,8 @@ class _FieldReader(ElementReader):
             if not field.metadata.get("joints") or getattr(typed, field.name):
                 continue
             tags = field.metadata["tags"]
-            is_given = any(plugin.texts(tag) for tag in tags)
-            if is_given:
+            is_present = any(plugin.texts(tag) for tag in tags)
+            if is_present:
                 names = [name for tag in tags for name in plugin.texts(tag)]
                 return f"the robot has none of its joints: {', '.join(names)}"
             if not isinstance(typed, _ALL_BY_DEFAULT):

@@ -280,8 +280,8 @@ def undistort(x: Array, y: Array, d: Sequence[float]) -> tuple[Array, Array]:
             xx = radial + at_x * at_x * slope + 2.0 * p1 * at_y + 6.0 * p2 * at_x
             yy = radial + at_y * at_y * slope + 2.0 * p2 * at_x + 6.0 * p1 * at_y
             xy = at_x * at_y * slope + 2.0 * (p1 * at_x + p2 * at_y)
-            there_x, there_y = distort(at_x, at_y, d)
-            miss_x, miss_y = there_x - x, there_y - y
+            distorted_x, distorted_y = distort(at_x, at_y, d)
+            miss_x, miss_y = distorted_x - x, distorted_y - y
             det = xx * yy - xy * xy
             step_x = (yy * miss_x - xy * miss_y) / det
             step_y = (xx * miss_y - xy * miss_x) / det

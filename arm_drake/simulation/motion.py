@@ -138,9 +138,9 @@ class TaskOutcome:
     def describe(self) -> str:
         """Return what was done, and what became of it."""
         thing = getattr(self.result, "thing", "") or getattr(self.task, "thing", "")
-        told = self.reason or (self.result.describe() if self.result else "done")
+        outcome = self.reason or (self.result.describe() if self.result else "done")
         robot = f"{self.task.robot}: " if self.task.robot else ""
-        return f"{robot}{' '.join(filter(None, (self.task.kind, thing)))}: {told}"
+        return f"{robot}{' '.join(filter(None, (self.task.kind, thing)))}: {outcome}"
 
     def to_json(self) -> dict[str, Any]:
         """Return what was done, and what became of it, with figures."""

@@ -206,7 +206,7 @@ class _Once:
         return self._made
 
 
-class _Told:
+class _OncePerStamp:
     """Makes the messages of a topic of what was read of them, each time once."""
 
     def __init__(self, convert: Callable[[Any, int], dict[str, Any] | None]) -> None:
@@ -429,7 +429,10 @@ class Graph:
         if isinstance(source.system, ControllerInterface):
             look = source.system.find_look(source.port)
             if look is not None:
-                cycle, topic.convert = self._cycle_of(source), _Told(topic.convert)
+                cycle, topic.convert = (
+                    self._cycle_of(source),
+                    _OncePerStamp(topic.convert),
+                )
                 topic.read = lambda context: (look(context), cycle.read(context))
         return True
 
