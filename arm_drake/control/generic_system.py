@@ -387,10 +387,6 @@ class GenericSystem:
         """
         return self._initial
 
-    def initial_commands(self) -> Array:
-        """Return the commands before there are any: NaN, shape (m,)."""
-        return np.full(len(self.command_interfaces), nan)
-
     def start(self, states: Array | None = None) -> GenericSystemState:
         """Return the state before the first read; joints are commanded by position.
 

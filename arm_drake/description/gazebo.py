@@ -90,11 +90,6 @@ class GazeboPlugin:
         return self._library == "gazebo_ros_bumper"
 
     @property
-    def publishes_sensor(self) -> bool:
-        """Whether it publishes what a sensor of Gazebo Classic measures."""
-        return self.is_bumper or self.is_perception
-
-    @property
     def is_perception(self) -> bool:
         """Whether it publishes what a camera or lidar of Gazebo Classic sees."""
         return self._library in _PERCEPTION

@@ -360,7 +360,7 @@ class Graph:
         self._cycles = {id(manager): _LastCycle(manager) for manager in managers}
         for topic in self._find_topics():
             self._add(topic)
-        self._add(_clock(simulation))
+        self._add(_clock())
         self.rosout = _rosout()
         self._add(self.rosout)
         for manager in managers:
@@ -486,7 +486,7 @@ def _node_of(port: TopicPort) -> str:
     return f"/{port.controller}"
 
 
-def _clock(simulation: Simulation) -> Topic:
+def _clock() -> Topic:
     def read(context: Context) -> int:
         return round(context.get_time() * NANOSECONDS)
 
