@@ -14,13 +14,13 @@ from pydrake.geometry import Box, SceneGraph
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import RigidBody
 
-from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, suggest
 from arm_drake.manipulation.activities import (
     LOOK,
     Activity,
     Failure,
     Runner,
+    choose_robot,
     find_drive,
     is_above,
 )
@@ -196,12 +196,7 @@ class Hand:
     def __init__(self, simulation: Runner, options: PickOptions) -> None:
         """Take a robot's arm, or raise InputError if there is none with a gripper."""
         self.simulation, self.options = simulation, options
-        robots = simulation.robots
-        name = next(iter(robots)) if options.robot is None else options.robot
-        if name not in robots:
-            raise InputError(f"robot: no robot {name!r}; {suggest(name, robots)}")
-        self.robot: Robot = robots[name]
-        prefix = f"{name}/" if len(robots) > 1 else ""
+        self.robot, prefix = choose_robot(simulation, options.robot)
         self.gripper: Gripper = find_gripper(self.robot, options.group)
         self._mask = self._find_mask()
         self._arm = find_drive(

@@ -23,6 +23,7 @@ from arm_drake.errors import InputError, quoted, suggest
 from arm_drake.manipulation.activities import (
     Activity,
     Runner,
+    choose_robot,
     is_above,
     perform,
     read_options,
@@ -253,12 +254,7 @@ class Servo:
     ) -> None:
         """Take an arm with a camera, or raise InputError."""
         self.simulation, self.options = simulation, options
-        robots = simulation.robots
-        name = next(iter(robots)) if options.robot is None else options.robot
-        if name not in robots:
-            raise InputError(f"robot: no robot {name!r}; {suggest(name, robots)}")
-        self.robot: Robot = robots[name]
-        prefix = f"{name}/" if len(robots) > 1 else ""
+        self.robot, prefix = choose_robot(simulation, options.robot)
         camera, link = _find_camera(self.robot, options.camera)
         self.camera = simulation.camera(f"{prefix}{camera}")
         self._link = link
@@ -277,7 +273,7 @@ class Servo:
         self._kinematics = PlantKinematics(
             self.robot.description, self.robot.initial_positions, self.joints, base
         )
-        poses = simulation.link_poses(name)
+        poses = simulation.link_poses(self.robot.name)
         self._X_LC = poses[link].inverse() @ self.camera.pose
         self._command = self._measured()
 
