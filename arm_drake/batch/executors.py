@@ -113,13 +113,9 @@ def execute(
 ) -> list[bytes] | Missing | Refused:
     """Run inputs on a worker; return a Done of each in bytes, or why it can't be.
 
-    Args:
-        theirs: Versions of the program.
-        needs: Hashes of the function and of all that function and inputs refer to.
-        sent: Some of it, by hash.
-        items: The inputs, with their places.
-        limits: What each run may take.
-        topic: Where dask is told who runs them; empty for others.
+    `needs` are hashes of the function and of all that it and the inputs refer to,
+    `sent` is some of that by hash. At `topic` dask is told who runs them; it is empty
+    for others.
     """
     if why := compare_versions(versions(), theirs):
         return Refused(f"{name_worker()}: {why}")

@@ -264,15 +264,8 @@ def _pick(hand: "Hand", thing: str) -> Activity[PickResult]:
 def see_box(camera: CameraHandle, thing: str, robot: str) -> FoundBox:
     """Return the box that a camera sees where its labels show a thing.
 
-    Pixels that show the robot are left out.
-
-    Args:
-        camera: A camera that measures depths.
-        thing: The name of the thing.
-        robot: The name of the robot.
-
-    Raises:
-        InputError: If the camera measures no depths, or there is no such thing.
+    Pixels that show the robot are left out. InputError if the camera measures no
+    depths, or there is no such thing.
     """
     points, names = camera.points(), camera.label_names
     _, label = find_label(camera, thing)

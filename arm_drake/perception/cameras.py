@@ -249,10 +249,8 @@ def _bounds(pixels: Array, size: int) -> tuple[int, int]:
 def distort(x: Array, y: Array, d: Sequence[float]) -> tuple[Array, Array]:
     """Return where a lens shows what a pinhole has at x, y, at a depth of 1.
 
-    Args:
-        x: To the right of the distortion's centre, any shape.
-        y: Below it, of the same shape.
-        d: Coefficients k1, k2, p1, p2, k3.
+    x and y are to the right of the distortion's centre and below it, any shape; `d` are
+    the coefficients k1, k2, p1, p2, k3.
     """
     k1, k2, p1, p2, k3 = d
     r2 = x * x + y * y
