@@ -107,9 +107,10 @@ _USAGE_ERROR = 2
 
 
 def _end_soon() -> None:
-    """Spare Python's end the search for garbage in all that is there: half a second.
+    """Spare Python's end the search for garbage in all that is there.
 
-    OMPL takes what isn't found for leaks, and says so.
+    `arm-drake sim doosan_a0912 --headless --duration 0.1` takes 1.4 s of processor time
+    in place of 1.6 s. OMPL takes what isn't found for leaks, and says so.
     """
     if "ompl" not in sys.modules:
         gc.freeze()

@@ -13,13 +13,7 @@ IMAGE_FORMATS = ("raw", "jpeg", "png")
 
 
 def check_suffix(path: Path, kind: str, suffixes: Sequence[str]) -> None:
-    """Raise OutputError if a file can't be of this type.
-
-    Args:
-        path: File to be written.
-        kind: What it is, such as "a picture".
-        suffixes: What it may end in.
-    """
+    """Raise OutputError if a file can't be of this kind, such as "a picture"."""
     if path.suffix not in suffixes:
         several = "one of " if len(suffixes) > 1 else ""
         raise OutputError(

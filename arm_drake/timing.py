@@ -60,11 +60,8 @@ def fit_period(rate: float, step: float) -> float:
     """Return the period of a rate [s], as an exact fraction of a step if it is one.
 
     What happens at such a period comes at the same instant as a tick, and not a
-    rounding error earlier, when the tick's command isn't there yet.
-
-    Args:
-        rate: The rate [Hz].
-        step: Step of the plant [s].
+    rounding error earlier, when the tick's command isn't there yet. The rate is in
+    [Hz], the plant's step in [s].
     """
     ratio = _ratio(rate, step)
     if ratio is None:
@@ -83,25 +80,14 @@ def _ratio(rate: float, step: float) -> Fraction | None:
 
 
 def cycle_at(time: float, period: float) -> int | None:
-    """Return the number of the cycle that is at a time, or None between two cycles.
-
-    Args:
-        time: Drake's time [s].
-        period: Period of the cycles [s].
-    """
+    """Return the number of the cycle at a time [s], or None between two cycles."""
     cycles = time / period
     number = round(cycles)
     return number if abs(cycles - number) <= TOLERANCE else None
 
 
 def cycle_time(number: int, period: float, rate: int) -> int:
-    """Return the time of a cycle [ns].
-
-    Args:
-        number: Number of the cycle.
-        period: Period of the cycles in Drake's time [s].
-        rate: Their nominal rate [Hz].
-    """
+    """Return the time of a cycle [ns], by its nominal rate [Hz] and period [s]."""
     if has_rate(period, rate):
         return number * _NANOSECONDS // rate
     # Another robot's manager has the say about the steps.

@@ -671,13 +671,13 @@ class _Execution:
         except BaseException:
             self._close_store()
             raise
-        self._there = f"; {len(done)} were there already" if done else ""
+        self._resumed = f"; {len(done)} were there already" if done else ""
         self._progress = Progress(self.num_runs, how.progress)
 
     @property
     def why(self) -> str:
         """One line: why runs are where they are, as far as that is known yet."""
-        return self.choice.why + self._there
+        return self.choice.why + self._resumed
 
     def _open(self, path: str | Path | None) -> RunStore | None:
         if path is None:

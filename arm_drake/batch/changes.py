@@ -59,8 +59,7 @@ _TAGS = ("p_gain", "i_gain", "d_gain")
 def find_pids(robot: Robot, controller: str | None = None) -> list[Pid]:
     """Return the PIDs of a robot, or of one of its controllers, that push joints.
 
-    Raises:
-        InputError: If there is no such controller.
+    InputError if there is no such controller.
     """
     names = [each.name for each in robot.controllers.controllers]
     if controller is not None and controller not in names:
@@ -213,11 +212,7 @@ CHANGES = (
 
 
 def change_robot(robot: Robot, changes: Mapping[str, float]) -> Robot:
-    """Return a robot that is changed as `Run.changes` says.
-
-    Raises:
-        InputError: If there is nothing of such a name.
-    """
+    """Return a robot that is changed as `Run.changes` says, or raise InputError."""
     for name, value in changes.items():
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise InputError(f"changes: {name}: expected a number, got {value!r}")

@@ -59,7 +59,7 @@ _MOST_KEPT = 16
 _BATCH_TIME, _TIME_PER_WORKER, _BATCH_BYTES = 0.25, 0.01, 1_000_000
 
 # Part of a new wall time in the mean of them.
-_NEWS = 0.2
+_SMOOTHING = 0.2
 
 
 class Missing(NamedTuple):
@@ -113,13 +113,9 @@ def execute(
 ) -> list[bytes] | Missing | Refused:
     """Run inputs on a worker; return a Done of each in bytes, or why it can't be.
 
-    Args:
-        theirs: Versions of the program.
-        needs: Hashes of the function and of all that function and inputs refer to.
-        sent: Some of it, by hash.
-        items: The inputs, with their places.
-        limits: What each run may take.
-        topic: Where dask is told who runs them; empty for others.
+    `needs` are hashes of the function and of all that it and the inputs refer to,
+    `sent` is some of that by hash. At `topic` dask is told who runs them; it is empty
+    for others.
     """
     if why := compare_versions(versions(), theirs):
         return Refused(f"{name_worker()}: {why}")
@@ -131,13 +127,13 @@ def execute(
             return Missing(missing)
         for key in needs:
             _kept.move_to_end(key)
-        held = {key: _kept[key] for key in needs}
+        objects = {key: _kept[key] for key in needs}
     if topic:
         _tell_dask(topic, [index for index, _ in items])
     answers = []
     for index, item in items:
         # What can't be read is that run's error, too.
-        run = functools.partial(_run, held, needs[0], limits, index)
+        run = functools.partial(_run, objects, needs[0], limits, index)
         begun = attempt(run, index, item)
         done = begun if begun.error is not None else begun.value
         answers.append(pack(dc.replace(done, worker=name_worker())))
@@ -148,7 +144,7 @@ def execute(
 
 
 def _run(
-    held: Mapping[str, _Kept],
+    objects: Mapping[str, _Kept],
     function_key: str,
     limits: Limits,
     index: int,
@@ -159,7 +155,7 @@ def _run(
     def run() -> Done:
         enter_thread(threading.Event())
         with _lock:
-            function, value = _take(held, function_key), _read(held, item)
+            function, value = _take(objects, function_key), _read(objects, item)
         if limits.are_set:
             return run_alone(function, index, value, limits)
         return attempt(function, index, value)
@@ -180,11 +176,11 @@ def name_worker() -> str:
     return f"{socket.gethostname()}, process {os.getpid()}"
 
 
-def _take(held: Mapping[str, _Kept], key: str) -> Any:
+def _take(objects: Mapping[str, _Kept], key: str) -> Any:
     """Return what a hash names; what was sent is read once."""
-    kept = held[key]
+    kept = objects[key]
     if isinstance(kept.value, bytes):
-        kept.value = _read(held, kept.value)
+        kept.value = _read(objects, kept.value)
     if isinstance(kept.value, _SentFunction):
         for name, row in kept.value.types.items():
             CONTROLLER_TYPES.setdefault(name, row)
@@ -197,16 +193,16 @@ def _take(held: Mapping[str, _Kept], key: str) -> Any:
 class _Reader(pickle.Unpickler):
     """Reads what a _Sender has written."""
 
-    def __init__(self, held: Mapping[str, _Kept], data: bytes) -> None:
+    def __init__(self, objects: Mapping[str, _Kept], data: bytes) -> None:
         super().__init__(io.BytesIO(data))
-        self._held = held
+        self._objects = objects
 
     def persistent_load(self, pid: Any) -> Any:
-        return _take(self._held, pid)
+        return _take(self._objects, pid)
 
 
-def _read(held: Mapping[str, _Kept], data: bytes) -> Any:
-    return _Reader(held, data).load()
+def _read(objects: Mapping[str, _Kept], data: bytes) -> Any:
+    return _Reader(objects, data).load()
 
 
 class _SentFunction(NamedTuple):
@@ -604,8 +600,8 @@ class Dispatch:
 
     def _note_done(self, done: Done, batch: _Batch) -> Done:
         """Return what became of a run, with the workers that died with it."""
-        before = 0.0 if self._took is None else (1.0 - _NEWS) * self._took
-        part = 1.0 if self._took is None else _NEWS
+        before = 0.0 if self._took is None else (1.0 - _SMOOTHING) * self._took
+        part = 1.0 if self._took is None else _SMOOTHING
         self._took = before + part * done.wall_time
         workers = self._pool.began.pop(done.index, {})
         died = tuple(worker for worker in workers if worker != done.worker)

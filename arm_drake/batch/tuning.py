@@ -173,7 +173,7 @@ class Tuning:
         promise = f"{self.robot.name}: {self.after} (before: {self.before})"
         kind = self.pids[0].kind
         if kind == "plugin":
-            tags = "".join(_tags_of(self.robot, pid, self.gains) for pid in self.pids)
+            tags = "".join(_tags_of(pid, self.gains) for pid in self.pids)
             return f"<!-- {promise} -->\n<robot>\n{tags}</robot>\n"
         return f"# {promise}\n" + yaml.safe_dump(self._to_yaml(), sort_keys=False)
 
@@ -197,7 +197,7 @@ class Tuning:
         return {name: {"ros__parameters": node} for name, node in found.items()}
 
 
-def _tags_of(robot: Robot, pid: Pid, gains: Mapping[str, Gains]) -> str:
+def _tags_of(pid: Pid, gains: Mapping[str, Gains]) -> str:
     """Return the tags of a plugin with new gains."""
     name = "Position" if pid.quantity == "position" else ""
     lower = "position-" if name else ""

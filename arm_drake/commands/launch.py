@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from arm_drake.commands.arguments import read_frames, read_initial
+from arm_drake.commands.output import say_report
 from arm_drake.commands.sim import (
     choose_motion,
     read_payloads,
@@ -64,7 +65,7 @@ def run_launch(options: argparse.Namespace) -> int:
     plan = load_launch(*names, arguments=arguments, package_paths=folders)
     if options.print:
         print(json.dumps(to_json(plan)) if options.json else plan)
-        _say_report(plan)
+        say_report(plan.report, strict=False)
         _check_strict(options, plan)
         return 0
     if not options.json:
@@ -140,12 +141,6 @@ def _with_motion(options: argparse.Namespace, scene: Scene) -> Scene:
     return dc.replace(scene, motions={} if motion is None else {robot.name: motion})
 
 
-def _say_report(plan: LaunchPlan) -> None:
-    for entry in plan.report:
-        if entry.severity != "info":
-            print(entry, file=sys.stderr)
-
-
 def _use_rviz(options: argparse.Namespace, plan: LaunchPlan) -> None:
     """Show on the page what the launch file's RViz would show."""
     options.fixed_frame = options.fixed_frame or plan.fixed_frame
@@ -183,7 +178,7 @@ def _check_simulated(options: argparse.Namespace, plan: LaunchPlan) -> None:
 def _view(options: argparse.Namespace, plan: LaunchPlan) -> int:
     """Show robots that nothing controls, with sliders for their joints."""
     _check_strict(options, plan)
-    _say_report(plan)
+    say_report(plan.report, strict=False)
     from arm_drake.commands.view import view, view_scene
 
     if options.headless:

@@ -52,11 +52,11 @@ class Speaker:
         self._is_quiet = is_quiet
         self._is_terminal = sys.stderr.isatty()
         self._simulation: Simulation | None = None
-        # When errors of goals were told last [s], what was said of them, and since when
-        # they aren't told, by controller.
-        self._told_at = -math.inf
+        # When errors of goals were printed last [s], what was said of them, and by
+        # controller since when they aren't printed.
+        self._printed_at = -math.inf
         self._errors = ""
-        self._untold: dict[str, float] = {}
+        self._unprinted: dict[str, float] = {}
         self._controllers = ""
         # What ended the simulation before its end.
         self.failures: list[str] = []
@@ -94,21 +94,21 @@ class Speaker:
         """
         if self._is_quiet and not self._is_terminal:
             return
-        # A simulation that was reset is before what was told last.
-        if not 0.0 <= simulated - self._told_at < 1.0 - 1e-6:
-            self._tell_errors(simulated)
+        # A simulation that was reset is before what was printed last.
+        if not 0.0 <= simulated - self._printed_at < 1.0 - 1e-6:
+            self._print_errors(simulated)
         elif self._is_terminal:
             self._show(simulated)
 
-    def _tell_errors(self, simulated: float) -> None:
-        """Tell the largest errors of goals since they were told last."""
+    def _print_errors(self, simulated: float) -> None:
+        """Print the largest errors of goals since they were printed last."""
         self._errors = ", ".join(
             f"{name}: error {error}"
-            for name, since in self._untold.items()
+            for name, since in self._unprinted.items()
             if (error := self._describe_error(name, since))
         )
-        self._untold = dict.fromkeys(self._untold, simulated)
-        self._told_at = simulated
+        self._unprinted = dict.fromkeys(self._unprinted, simulated)
+        self._printed_at = simulated
         if self._is_terminal or self._errors:
             self._show(simulated)
 
@@ -164,13 +164,13 @@ class Speaker:
                 self.line(f"{goal.controller}: goal accepted")
                 if goal.note:
                     print(f"warning: {goal.controller}: {goal.note}", file=sys.stderr)
-            elif goal.controller not in self._untold:
-                self._untold[goal.controller] = goal.sent_at
+            elif goal.controller not in self._unprinted:
+                self._unprinted[goal.controller] = goal.sent_at
         elif goal.status.is_terminal:
-            if goal.controller in self._untold and not self._is_quiet:
+            if goal.controller in self._unprinted and not self._is_quiet:
                 assert self._simulation is not None
-                self._tell_errors(self._simulation.time)
-            self._untold.pop(goal.controller, None)
+                self._print_errors(self._simulation.time)
+            self._unprinted.pop(goal.controller, None)
             self._errors = ""
             self.line(f"{goal.controller}: {goal.describe()}")
 
@@ -218,6 +218,15 @@ def report_of(simulation: Simulation) -> LoadReport:
     """Return the load reports of all robots as one."""
     managers = simulation.directory.managers.values()
     return LoadReport(dict.fromkeys(e for m in managers for e in m.report))
+
+
+def say_report(report: LoadReport, *, strict: bool, is_grouped: bool = False) -> None:
+    """Print what was not taken as written, or raise InputError for it if `strict`."""
+    if strict and len(report):
+        raise InputError(f"not everything was taken as written:\n{report}")
+    for entry in report.grouped() if is_grouped else report:
+        if entry.severity != "info":
+            print(entry, file=sys.stderr)
 
 
 def print_summary(
@@ -334,8 +343,8 @@ def camera_images(options: argparse.Namespace) -> list[tuple[str, Path]]:
     """Return cameras and the files of their pictures, or raise InputError."""
     found = []
     for text in getattr(options, "image", ()):
-        name, is_given, file = text.partition("=")
-        if not (name and is_given and file):
+        name, equals, file = text.partition("=")
+        if not (name and equals and file):
             raise InputError(f"--image: expected CAMERA=FILE.png, got {text!r}")
         check_suffix(Path(file), "a picture", SCREENSHOT_SUFFIXES)
         found.append((name, Path(file)))

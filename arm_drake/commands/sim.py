@@ -24,6 +24,7 @@ from arm_drake.commands.output import (
     plot_of,
     print_summary,
     report_of,
+    say_report,
     start_log,
     summarize,
     warn_of_pictures,
@@ -465,12 +466,7 @@ def _prepare(
 ) -> Simulation:
     """Return the simulation, and say what was not taken as written."""
     simulation, motion = Simulation(_build(scene, meshcat)), scene.motion
-    report = report_of(simulation)
-    if options.strict and len(report):
-        raise InputError(f"not everything was taken as written:\n{report}")
-    for entry in report:
-        if entry.severity != "info":
-            print(entry, file=sys.stderr)
+    say_report(report_of(simulation), strict=options.strict)
     if motion is not None:
         check_motion(simulation, motion)
         if options.ros is None and options.inputs is None:  # Nobody else changes rules.

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from arm_drake.commands.output import report_of
+from arm_drake.commands.output import report_of, say_report
 from arm_drake.commands.page import (
     from_elsewhere,
     interrupting,
@@ -50,11 +50,7 @@ def view(options: argparse.Namespace, load: LoadRobot) -> int:
     if positions:
         robot = load(positions)
     ghost = read_positions(options.ghost, robot.description, "--ghost")
-    if options.strict and len(robot.report):
-        raise InputError(f"not everything was taken as written:\n{robot.report}")
-    for entry in robot.report.grouped():
-        if entry.severity != "info":
-            print(entry, file=sys.stderr)
+    say_report(robot.report, strict=options.strict, is_grouped=True)
     use_native_logging()
     # What was loaded is shown; only when files change it is loaded again.
     loaded = [robot]
@@ -107,11 +103,7 @@ def view_scene(options: argparse.Namespace, scene: Scene) -> int:
         diagram = build_diagram(still, options=kinematic, meshcat=page.meshcat)
         simulation = Simulation(diagram)
         report = report_of(simulation)
-        if options.strict and len(report):
-            raise InputError(f"not everything was taken as written:\n{report}")
-        for entry in report:
-            if entry.severity != "info":
-                print(entry, file=sys.stderr)
+        say_report(report, strict=options.strict)
         summary = {"robot": ", ".join(simulation.robots), "report": report.to_json()}
         shown = options.show or ("visual",)
         if not isinstance(page, Page):

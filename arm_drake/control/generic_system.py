@@ -387,10 +387,6 @@ class GenericSystem:
         """
         return self._initial
 
-    def initial_commands(self) -> Array:
-        """Return the commands before there are any: NaN, shape (m,)."""
-        return np.full(len(self.command_interfaces), nan)
-
     def start(self, states: Array | None = None) -> GenericSystemState:
         """Return the state before the first read; joints are commanded by position.
 
@@ -454,13 +450,13 @@ class GenericSystem:
             hidden = self._integrate(states, state, commands, period)
         mirror, mimics = self._mirror, self._mimics
         targets, values = mirror.targets, commands[mirror.sources] + mirror.offsets
-        is_given = np.isfinite(values)
-        if not is_given.all():
+        is_set = np.isfinite(values)
+        if not is_set.all():
             for i in np.flatnonzero(np.isinf(values) & mirror.is_checked):
                 name = self.command_interfaces[mirror.sources[i]]
                 problem = f"{name}: expected a finite command, got {values[i]}"
                 raise InfiniteCommandError(problem)
-            targets, values = targets[is_given], values[is_given]
+            targets, values = targets[is_set], values[is_set]
         states[targets] = values
         if len(mirror.bools):
             states[mirror.bools] = states[mirror.bools] != 0.0

@@ -339,10 +339,10 @@ def _follow_rate(
     kp, kd = np.full(n, (1.0 - z) ** 2 / h**2), np.full(n, (1.0 - z**2) / h)
     if position_rate is not None:
         # The velocity becomes rate times error within a step, as in Gazebo.
-        is_given = np.isfinite(position_rate)
-        kd[is_given], lead[is_given] = 1.0 / h, 0.0
-        kp[is_given] = position_rate[is_given] / h
-        largest = np.where(is_given, math.inf, largest)
+        has_rate = np.isfinite(position_rate)
+        kd[has_rate], lead[has_rate] = 1.0 / h, 0.0
+        kp[has_rate] = position_rate[has_rate] / h
+        largest = np.where(has_rate, math.inf, largest)
     return kp, kd, lead, largest
 
 

@@ -141,7 +141,7 @@ class Knots(NamedTuple):
     def fields(self, knot: int) -> tuple[Array | None, ...]:
         """Return positions to effort of a knot, each of shape (n,); None if missing."""
         entries = zip(self.values[:, knot], self.at_end[:, knot], strict=True)
-        return tuple(vector if is_given else None for vector, is_given in entries)
+        return tuple(vector if is_present else None for vector, is_present in entries)
 
 
 # Numbers near the largest ones make infinite polynomials, which is no news of ours.
@@ -439,12 +439,12 @@ class Positions:
 
     def at(self, time_ns: int) -> list[float]:
         """Return the positions at a time, n of them."""
-        begin_ns, end_ns, rows, held = self._stretch
+        begin_ns, end_ns, rows, constant = self._stretch
         if not begin_ns <= time_ns < end_ns:
             self._stretch = self._find(time_ns)
-            begin_ns, _, rows, held = self._stretch
+            begin_ns, _, rows, constant = self._stretch
         if rows is None:
-            return held
+            return constant
         tau = (time_ns - begin_ns) / NANOSECONDS
         found: list[float] = _powers(tau, len(rows)).dot(rows).tolist()
         return found
@@ -554,15 +554,11 @@ def blend(
     None if that isn't possible: joints are left out, and the last point has no
     positions.
 
-    Args:
-        message: A new trajectory of some of the joints, in any order.
-        old: The trajectory that is being followed.
-        joints: The controller's joints, n of them.
-        missing: Positions of what the old trajectory has none of either, shape (n,).
-        cursor_ns: Where the old trajectory is being followed [ns].
-        delay_ns: Time on it until the new one takes over [ns].
-        cursor: Point from which on the old trajectory is searched.
-        seen: Greatest `segment_end` of the samples of the old trajectory so far.
+    `message` is of some of the controller's n `joints`, in any order; `missing`, shape
+    (n,), has positions of what the old trajectory has none of either. The old one is
+    followed at `cursor_ns`, searched from its point `cursor` on, and `seen` is the
+    greatest `segment_end` of its samples so far; `delay_ns` later the new one takes
+    over.
     """
     points, is_partial = message.points, len(message.joint_names) < len(joints)
     if is_partial and not points[-1].positions:

@@ -59,7 +59,7 @@ _KNOWN = (*_ALL, _ANTIWINDUP)
 _SHAPE = f"{PID_GAINS}.<{'|'.join(_KINDS)}>.<joint>.<{'|'.join(_ALL)}>"
 
 _OWN = "the joint servo has its own gains"
-_NOT_GIVEN = "taken as not given"
+_UNSET = "taken as not given"
 _NO_EFFECT = "it has no effect"
 
 
@@ -144,14 +144,14 @@ class _Finder:
                 return float(value)
             if value is not None:
                 what = f"{expected} {value}"
-                node.add(POSITION_GAIN, "warning", "invalid", what, _NOT_GIVEN)
+                node.add(POSITION_GAIN, "warning", "invalid", what, _UNSET)
         for plugin, text in gazebo_tags(description, GAZEBO_SIM, POSITION_GAIN):
             number = parse_number(text)
             if number is not None and 0.0 < number < math.inf:
                 return number
             if number is not None:  # Else it is in the load report.
                 what = f"{POSITION_GAIN}: {expected} {number}"
-                self._note(what, _NOT_GIVEN, place_of(plugin))
+                self._note(what, _UNSET, place_of(plugin))
         return None
 
     def _add_tags(
@@ -249,7 +249,7 @@ class _Finder:
         return (n for n in self._nodes if self._simulators.get(n.name) == simulator)
 
     def _value(
-        self, node: NodeParameters, key: str, kind: type, done: str = _NOT_GIVEN
+        self, node: NodeParameters, key: str, kind: type, done: str = _UNSET
     ) -> Any:
         """Return a parameter; None if it isn't given, or of another type (a line)."""
         parameter = node.by_name.get(key)

@@ -67,13 +67,7 @@ def parse_xml(text: str, file: Path) -> ET.Element:
 
 
 def explain_malformed(text: str, reason: str, line: int) -> str:
-    """Return what is wrong with a text that is no XML.
-
-    Args:
-        text: What was read.
-        reason: What expat says of it.
-        line: Line where it stopped, counted from 1.
-    """
+    """Return what is wrong with a text that is no XML, by expat's reason and line."""
     if not text.strip():
         return "the file is empty"
     parser, waiting = expat.ParserCreate(), []

@@ -90,11 +90,6 @@ class GazeboPlugin:
         return self._library == "gazebo_ros_bumper"
 
     @property
-    def publishes_sensor(self) -> bool:
-        """Whether it publishes what a sensor of Gazebo Classic measures."""
-        return self.is_bumper or self.is_perception
-
-    @property
     def is_perception(self) -> bool:
         """Whether it publishes what a camera or lidar of Gazebo Classic sees."""
         return self._library in _PERCEPTION
@@ -310,8 +305,8 @@ class _FieldReader(ElementReader):
             if not field.metadata.get("joints") or getattr(typed, field.name):
                 continue
             tags = field.metadata["tags"]
-            is_given = any(plugin.texts(tag) for tag in tags)
-            if is_given:
+            is_present = any(plugin.texts(tag) for tag in tags)
+            if is_present:
                 names = [name for tag in tags for name in plugin.texts(tag)]
                 return f"the robot has none of its joints: {', '.join(names)}"
             if not isinstance(typed, _ALL_BY_DEFAULT):

@@ -182,8 +182,7 @@ Frames = Mapping[str, tuple[str, Sequence[float]]]
 def add_frames(text: str, frames: Frames, file: Path) -> str:
     """Return a URDF text with links without mass, each fixed to another.
 
-    Raises:
-        InputError: If a frame's link isn't there, its name is taken, or its pose wrong.
+    InputError if a frame's link isn't there, its name is taken, or its pose wrong.
     """
     root = parse_xml(text, file)
     links = [link.get("name", "") for link in root.iterfind("link")]
@@ -322,6 +321,7 @@ def _read_sensors(
     seeing: tuple[PerceptionSensor, ...] = ()
     realsenses = (p for p in read_gazebo_plugins(root) if p.is_realsense)
     if any(s.type != CONTACT for s in sensors) or any(realsenses):
+        # Not at the top: its import takes 11 ms, and few robots have such a tag.
         from arm_drake.description import perception_sensors as perception
 
         seeing = perception.read_perception_sensors(root, links, joints, report, file)

@@ -164,7 +164,7 @@ def make_robot_drive(
         options,
         plant,
         load_inertia=load_inertia or {},
-        is_careful=lets_go or is_passive or pid.is_given or bool(load_inertia),
+        is_careful=lets_go or is_passive or pid.has_gains or bool(load_inertia),
         command_period=period,
         friction=sum_friction(plant, description, joints) * options.friction,
         rates=[row.position_rate for row in rows],
@@ -177,7 +177,7 @@ def make_robot_drive(
         rotor_inertia=rotors,
         lacking_inertia=lacking,
         gains=_with_grippers(gains, joints, limits, grippers),
-        pid=pid if pid.is_given else None,
+        pid=pid if pid.has_gains else None,
         min_inertia=known.inertia.min(axis=0),
         rated=tuple(rated),
     )

@@ -209,15 +209,21 @@ class Observer:
         n = layout.num_joints if gains.observer_gain else 0
         grippers = gains.grippers if n else ()
         self._gains, self._layout = gains, layout
-        self._kept, self._asked = variables("kept", n), variables("asked", n)
+        self._kept = variables("kept", n)
+        self._accelerations = variables("accelerations", n)
         self._scale = variables("scale", num_groups if n else 0)
-        held = variables("held", len(grippers))
-        self.held_positions = dict(zip(grippers, held, strict=True))
-        self.variables = [*self._kept, *self._asked, *held, *self._scale]
+        positions = variables("positions", len(grippers))
+        self.gripper_positions = dict(zip(grippers, positions, strict=True))
+        self.variables = [
+            *self._kept,
+            *self._accelerations,
+            *positions,
+            *self._scale,
+        ]
 
     def w(self, i: int) -> Expression:
         """Return w of a joint."""
-        u = Expression(self._asked[i])
+        u = Expression(self._accelerations[i])
         if self._scale:
             # s is 1 in most steps, and a product is slow.
             s = self._scale[int(self._gains.group[i])]
@@ -234,10 +240,10 @@ class Observer:
         if self._layout.has_modes:
             parts = [[zero, (1.0 - b) * one, zero, one], [one, one, zero, zero]]
         law = np.block(parts)
-        sent = np.eye(len(self.held_positions) + m)
+        sent = np.eye(len(self.gripper_positions) + m)
         found = np.zeros((len(self.variables), law.shape[1] + V.shape[1] + len(sent)))
         found[: 2 * n, : law.shape[1]] = law
-        at = law.shape[1] + len(self.held_positions)
+        at = law.shape[1] + len(self.gripper_positions)
         found[:n, at : at + V.shape[1]] = V
         columns = [*range(law.shape[1], at), *range(at + V.shape[1], found.shape[1])]
         found[2 * n :, columns] = sent
@@ -282,7 +288,7 @@ def acceleration_law(
                 if_then_else(is_set(flag), value, 0.0)
                 for flag, value in zip(command.is_tau, values, strict=True)
             ]
-    found += [Expression(command.q_d[i]) for i in observer.held_positions]
+    found += [Expression(command.q_d[i]) for i in observer.gripper_positions]
     inputs = [*x, *command.variables, *observer.variables, *a, *r]
     return function(inputs, found)
 
@@ -300,9 +306,9 @@ def _disturbance(
     """Return I of a joint, of which the other part of its acceleration is u."""
     found = observer.w(i) - gains.observer_gain / h * v
     found = clamp(found, float(gains.max_disturbance[i]))
-    if i in observer.held_positions:
+    if i in observer.gripper_positions:
         # What a gripper pressed against is no load when it is sent elsewhere.
-        step = abs_(command.q_d[i] - observer.held_positions[i])
+        step = abs_(command.q_d[i] - observer.gripper_positions[i])
         found = if_then_else(step > float(gains.step[i]), 0.0, found)
     # Whatever holds a joint at its stop goes away with what pushes it there, and
     # slowly where nothing does: it may be a load that pulls it back.
@@ -501,7 +507,7 @@ class DrivePid:
     velocity: Sequence[PidGains | None]
 
     @property
-    def is_given(self) -> bool:
+    def has_gains(self) -> bool:
         """Whether any joint has gains."""
         return any(gains is not None for gains in (*self.position, *self.velocity))
 
@@ -637,15 +643,15 @@ def _mix(
 def make_push(effort_limit: Array) -> Diagram:
     """Return the servo of n joints that follow nothing but efforts.
 
-    It is told the same as one with modes, and does the same where is_tau is always set.
-    The limits have the shape (n,).
+    Its input is that of one with modes, and it does the same where is_tau is always
+    set. The limits have the shape (n,).
     """
     n = len(effort_limit)
     wiring = Wiring(DiagramBuilder())
     command = Source("command", NUM_PARTS * n)
-    told = wiring.pick("told", range(TAU_D * n, (TAU_D + 1) * n), command)
+    commanded = wiring.pick("commanded", range(TAU_D * n, (TAU_D + 1) * n), command)
     limits = Saturation(min_value=-effort_limit, max_value=effort_limit)
-    effort = wiring.add("effort", limits, told)
+    effort = wiring.add("effort", limits, commanded)
     wiring.builder.ExportOutput(effort, "effort")
     diagram = wiring.builder.Build()
     diagram.set_name("servo")
@@ -674,11 +680,11 @@ def _add_efforts(
     if friction:
         known = np.hstack([known, np.tile(-np.eye(n), (len(read), 1))])
         read.extend(friction)
-    told = [TAU_D, IS_TAU] if layout.has_modes else []
+    parts = [TAU_D, IS_TAU] if layout.has_modes else []
     if layout.has_limits:
-        told.append(layout.num_parts)
-    if told:
-        rows = layout.pick(*told)
+        parts.append(layout.num_parts)
+    if parts:
+        rows = layout.pick(*parts)
         known = np.block(
             [
                 [known, np.zeros((len(known), rows.shape[1]))],

@@ -1,4 +1,4 @@
-"""What adds systems to a diagram, connected to what they read."""
+"""Wiring: systems added to a diagram, connected to what they read."""
 
 import dataclasses as dc
 from collections.abc import Sequence

@@ -67,9 +67,7 @@ def share_steps(
 ) -> tuple[list[list[dict[str, Any]]], list[str]]:
     """Return which steps of a file are each robot's, and the names of nobody's.
 
-    Args:
-        path: File of all steps.
-        robots: For each robot its name space and the names of its controllers.
+    `robots` has each robot's name space and the names of its controllers.
     """
     shares: list[list[dict[str, Any]]] = [[] for _ in robots]
     lost = []

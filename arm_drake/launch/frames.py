@@ -104,13 +104,8 @@ def place_frames(
 
     A frame on a link, or on such a frame, becomes one of the robot's. A root on
     something that is no robot's says where the robot stands. Others are handed to
-    `leave_out`, with the reason.
-
-    Args:
-        frames: The frames.
-        links: For each robot the prefix of its frames, and for each of its links the
-            link that carries it, None for a root.
-        leave_out: Called with what has no place here.
+    `leave_out`, with the reason. `links` has each robot's prefix of frames, and for
+    each of its links the link that carries it, None for a root.
     """
     found: list[dict[str, tuple[str, Pose]]] = [{} for _ in links]
     poses: list[Pose | None] = [None for _ in links]

@@ -411,11 +411,7 @@ class _Other:
         return self._ask("find_sources", name)
 
     def expand(self, file: str, arguments: Mapping[str, str]) -> str:
-        """Return the text of a xacro file.
-
-        Raises:
-            LaunchError: If it can't be expanded.
-        """
+        """Return the text of a xacro file, or raise LaunchError."""
         self.tell(expand=os.path.abspath(file), arguments=dict(arguments))
         answer = self.read()
         if "problem" in answer:

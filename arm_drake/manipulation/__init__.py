@@ -1,1 +1,1 @@
-"""What robots do with things: pick, place, and follow by sight."""
+"""Manipulation of things: pick, place, and visual servoing."""

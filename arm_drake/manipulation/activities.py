@@ -208,6 +208,18 @@ class Drive(NamedTuple):
             yield simulation.time + _STREAM
 
 
+def choose_robot(simulation: Runner, name: str | None) -> tuple[Robot, str]:
+    """Return a robot, by default the first, and the prefix of its names.
+
+    InputError if there is none of that name.
+    """
+    robots = simulation.robots
+    name = next(iter(robots)) if name is None else name
+    if name not in robots:
+        raise InputError(f"robot: no robot {name!r}; {suggest(name, robots)}")
+    return robots[name], f"{name}/" if len(robots) > 1 else ""
+
+
 def find_drive(
     simulation: Runner, robot: Robot, prefix: str, joints: Sequence[str]
 ) -> Drive:

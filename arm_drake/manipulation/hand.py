@@ -14,13 +14,13 @@ from pydrake.geometry import Box, SceneGraph
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import RigidBody
 
-from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, suggest
 from arm_drake.manipulation.activities import (
     LOOK,
     Activity,
     Failure,
     Runner,
+    choose_robot,
     find_drive,
     is_above,
 )
@@ -168,8 +168,8 @@ class Place(NamedTuple):
         if not self.turns:
             yield self.X_WG
             return
-        here, there = X_WO.translation() - base, self.X_WG.translation() - base
-        with_arm = math.atan2(there[1], there[0]) - math.atan2(here[1], here[0])
+        thing, goal = X_WO.translation() - base, self.X_WG.translation() - base
+        with_arm = math.atan2(goal[1], goal[0]) - math.atan2(thing[1], thing[0])
         step = 2.0 * math.pi / _GOAL_TURNS
         # 0, then 45, -45, 90, ... degrees.
         others = [(n + 1) // 2 * (-1) ** n * step for n in range(1, _GOAL_TURNS)]
@@ -196,12 +196,7 @@ class Hand:
     def __init__(self, simulation: Runner, options: PickOptions) -> None:
         """Take a robot's arm, or raise InputError if there is none with a gripper."""
         self.simulation, self.options = simulation, options
-        robots = simulation.robots
-        name = next(iter(robots)) if options.robot is None else options.robot
-        if name not in robots:
-            raise InputError(f"robot: no robot {name!r}; {suggest(name, robots)}")
-        self.robot: Robot = robots[name]
-        prefix = f"{name}/" if len(robots) > 1 else ""
+        self.robot, prefix = choose_robot(simulation, options.robot)
         self.gripper: Gripper = find_gripper(self.robot, options.group)
         self._mask = self._find_mask()
         self._arm = find_drive(
@@ -252,9 +247,9 @@ class Hand:
         return self.pose_of(thing) if seen is None or not seen.pose else seen.pose
 
     def known_pose_in_palm(self, thing: str) -> RigidTransform:
-        """Return the pose of a held thing in the palm, as it is told if it is."""
-        held = self.options.held
-        return self.pose_in_palm(thing) if held is None else held
+        """Return the pose of a held thing in the palm, as the options have it."""
+        X_PO = self.options.held
+        return self.pose_in_palm(thing) if X_PO is None else X_PO
 
     def palm(self) -> RigidTransform:
         """Return the pose of the palm in the world."""
@@ -413,8 +408,8 @@ class Hand:
                 ]
             except (PlanningError, NoSolution) as error:
                 # The line is planned from where it ends.
-                there = "the robot would be in collision there"
-                reasons.append(str(error).replace("the start is in collision", there))
+                refusal = "the robot would be in collision there"
+                reasons.append(str(error).replace("the start is in collision", refusal))
                 continue
             return ways[0].end
         raise Failure("reach", reasons[0])
@@ -515,12 +510,12 @@ class Hand:
         *,
         straight: bool = False,
         ignore: Sequence[str] = (),
-        held: str | None = None,
+        attached: str | None = None,
     ) -> Activity[None]:
         """Plan a motion of the arm and follow it, or raise Failure."""
         more: dict[str, Any] = {}
-        if held is not None:
-            more["attached"] = {self.gripper.palm: held}
+        if attached is not None:
+            more["attached"] = {self.gripper.palm: attached}
             if self.options.upright is not None:
                 limit = self.options.upright
                 constraint = OrientationConstraint(self.gripper.palm, limit)
@@ -612,8 +607,8 @@ class Hand:
             if moved > _STALLED * span * LOOK:
                 still = simulation.time
             before = now
-            is_there = max(abs(goal[n] - now[n]) for n in goal) < _STALLED * span
-            patience = _BEGIN if needs_stall or is_there else _LET_GO
+            has_arrived = max(abs(goal[n] - now[n]) for n in goal) < _STALLED * span
+            patience = _BEGIN if needs_stall or has_arrived else _LET_GO
             if simulation.time - max(still, begun + patience) >= _STALL_TIME:
                 return
         raise Failure(stage, "the fingers neither arrive nor stall")

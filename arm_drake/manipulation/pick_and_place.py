@@ -134,11 +134,11 @@ class PlaceResult:
         at = ", ".join(f"{value:.3f}" for value in self.pose.translation())
         miss = f"{1e3 * self.position_error:.1f} mm"
         turn = f"{math.degrees(self.orientation_error):.1f} degrees"
-        told = self.reason
-        if not told and (self.slip_distance > _MOVED or self.slip_angle > _MOVED_TURN):
-            told = f"moved by {1e3 * self.slip_distance:.1f} mm in the gripper"
+        note = self.reason
+        if not note and (self.slip_distance > _MOVED or self.slip_angle > _MOVED_TURN):
+            note = f"moved by {1e3 * self.slip_distance:.1f} mm in the gripper"
         text = f"placed at {at} m in {self.duration:.1f} s, {miss} and {turn} off"
-        return f"{text}; {told}" if told else text
+        return f"{text}; {note}" if note else text
 
     def to_json(self) -> dict[str, Any]:
         """Return where the thing is, and by how much that misses [m], [rad], [s]."""
@@ -225,15 +225,15 @@ def _pick(hand: "Hand", thing: str) -> Activity[PickResult]:
 
     def result(reason: str) -> PickResult:
         duration = hand.simulation.time - began
-        held = None if reason else hand.pose_in_palm(thing)
-        if held is not None and hand.seen is not None:
+        X_PO = None if reason else hand.pose_in_palm(thing)
+        if X_PO is not None and hand.seen is not None:
             assert attempts[-1].grasp is not None
-            held = attempts[-1].grasp.X_OP.inverse()
-        return PickResult(thing, not reason, reason, tuple(attempts), held, duration)
+            X_PO = attempts[-1].grasp.X_OP.inverse()
+        return PickResult(thing, not reason, reason, tuple(attempts), X_PO, duration)
 
-    held = hand.find_held()
-    if held is not None:
-        return result(f"the gripper holds {held!r}")
+    grasped = hand.find_held()
+    if grasped is not None:
+        return result(f"the gripper holds {grasped!r}")
     while len([a for a in attempts if a.stage != "reach"]) < hand.options.tries:
         tried = [a.grasp for a in attempts if a.grasp is not None]
         if hand.camera is not None:
@@ -256,23 +256,16 @@ def _pick(hand: "Hand", thing: str) -> Activity[PickResult]:
         attempts.append(Attempt(grasp, "", ""))
         return result("")
     last = attempts[-1]
-    told = [a for a in attempts if a.grasp is not None] or [last]
-    tries = "" if len(told) < 2 else f"{len(told)} grasps failed, the last one: "
-    return result(f"{tries}{told[-1].reason}")
+    failed = [a for a in attempts if a.grasp is not None] or [last]
+    tries = "" if len(failed) < 2 else f"{len(failed)} grasps failed, the last one: "
+    return result(f"{tries}{failed[-1].reason}")
 
 
 def see_box(camera: CameraHandle, thing: str, robot: str) -> FoundBox:
     """Return the box that a camera sees where its labels show a thing.
 
-    Pixels that show the robot are left out.
-
-    Args:
-        camera: A camera that measures depths.
-        thing: The name of the thing.
-        robot: The name of the robot.
-
-    Raises:
-        InputError: If the camera measures no depths, or there is no such thing.
+    Pixels that show the robot are left out. InputError if the camera measures no
+    depths, or there is no such thing.
     """
     points, names = camera.points(), camera.label_names
     _, label = find_label(camera, thing)
@@ -344,7 +337,7 @@ def _distance(one: RigidTransform, other: RigidTransform) -> tuple[float, float]
     return float(np.linalg.norm(miss.translation())), angle
 
 
-def _place(hand: "Hand", asked: Place) -> Activity[PlaceResult]:
+def _place(hand: "Hand", target: Place) -> Activity[PlaceResult]:
     began = hand.simulation.time
     thing = hand.find_held()
     if thing is None:
@@ -359,9 +352,9 @@ def _place(hand: "Hand", asked: Place) -> Activity[PlaceResult]:
         return PlaceResult(thing, success, reason, X, *misses, *slip, duration)
 
     reasons: list[str] = []
-    goal, is_there = asked.X_WG, False
+    goal, is_at_goal = target.X_WG, False
     X_WO = hand.palm() @ hand.known_pose_in_palm(thing)
-    for goal in asked.poses(X_WO, hand.base()):
+    for goal in target.poses(X_WO, hand.base()):
         try:
             slip = yield from _carry(hand, thing, goal)
         except Failure as failure:
@@ -369,11 +362,11 @@ def _place(hand: "Hand", asked: Place) -> Activity[PlaceResult]:
             if failure.stage == "lost":
                 break
             continue
-        is_there = True
+        is_at_goal = True
         break
     # What stands on something too early is pushed back.
     slip = max(slip, _distance(first, hand.pose_in_palm(thing)))
-    if not is_there:
+    if not is_at_goal:
         return result(reasons[-1])
     try:
         yield from hand.move_gripper(hand.release(), "")
@@ -385,13 +378,13 @@ def _place(hand: "Hand", asked: Place) -> Activity[PlaceResult]:
         return result(f"it doesn't get away: {failure.reason}", success=True)
     if hand.find_held() is not None:
         return result(f"{thing!r} sticks to the fingers")
-    told = ""
+    note = ""
     if hand.options.held is not None and (slip[0] > _MOVED or slip[1] > _MOVED_TURN):
-        told = (
+        note = (
             f"{thing!r} moved by {1e3 * slip[0]:.1f} mm and {slip[1]:.2f} rad in the "
             "gripper on the way, and was placed as it was seen"
         )
-    return result(told, success=True)
+    return result(note, success=True)
 
 
 def _carry(
@@ -405,7 +398,7 @@ def _carry(
     X_WO = shifted(goal, [0.0, 0.0, _DROP])
     X_WP = X_WO @ hand.known_pose_in_palm(thing).inverse()
     above = hand.find_way(hand.solve(X_WP), hand.ways_out(X_WP), thing)
-    yield from hand.move(above, "reach", held=thing)
+    yield from hand.move(above, "reach", attached=thing)
     if hand.find_held() != thing:
         raise Failure("lost", f"{thing!r} was lost on the way")
     slip = _distance(first, hand.pose_in_palm(thing))

@@ -23,6 +23,7 @@ from arm_drake.errors import InputError, quoted, suggest
 from arm_drake.manipulation.activities import (
     Activity,
     Runner,
+    choose_robot,
     is_above,
     perform,
     read_options,
@@ -253,18 +254,13 @@ class Servo:
     ) -> None:
         """Take an arm with a camera, or raise InputError."""
         self.simulation, self.options = simulation, options
-        robots = simulation.robots
-        name = next(iter(robots)) if options.robot is None else options.robot
-        if name not in robots:
-            raise InputError(f"robot: no robot {name!r}; {suggest(name, robots)}")
-        self.robot: Robot = robots[name]
-        prefix = f"{name}/" if len(robots) > 1 else ""
+        self.robot, prefix = choose_robot(simulation, options.robot)
         camera, link = _find_camera(self.robot, options.camera)
         self.camera = simulation.camera(f"{prefix}{camera}")
         self._link = link
         group = options.group
-        asked = None if group is None else find_group(self.robot, group).joints
-        controller, self.joints, self._kind = _find_controller(self.robot, link, asked)
+        wanted = None if group is None else find_group(self.robot, group).joints
+        controller, self.joints, self._kind = _find_controller(self.robot, link, wanted)
         self._controller = f"{prefix}{controller}"
         self.thing, self._label = find_label(self.camera, thing)
         if options.distance is not None and not self.camera.has("depth"):
@@ -277,7 +273,7 @@ class Servo:
         self._kinematics = PlantKinematics(
             self.robot.description, self.robot.initial_positions, self.joints, base
         )
-        poses = simulation.link_poses(name)
+        poses = simulation.link_poses(self.robot.name)
         self._X_LC = poses[link].inverse() @ self.camera.pose
         self._command = self._measured()
 
@@ -394,18 +390,18 @@ def _find_camera(robot: Robot, name: str | None) -> tuple[str, str]:
         for sensor in robot.description.perception_sensors
         if isinstance(sensor, CameraSensor)
     }
-    carried = {n: link for n, link in cameras.items() if _joints_of(robot, link)}
-    if name is not None and name not in carried:
+    moving = {n: link for n, link in cameras.items() if _joints_of(robot, link)}
+    if name is not None and name not in moving:
         if name in cameras:
             raise InputError(f"camera {name!r} isn't moved by the arm")
-        raise InputError(f"no camera {name!r}; {suggest(name, carried)}")
-    if not carried:
+        raise InputError(f"no camera {name!r}; {suggest(name, moving)}")
+    if not moving:
         raise InputError(
             f"robot {robot.name!r} has no camera that its arm moves; "
             "arm_drake.add_camera adds one"
         )
-    chosen = next(iter(carried)) if name is None else name
-    return chosen, carried[chosen]
+    chosen = next(iter(moving)) if name is None else name
+    return chosen, moving[chosen]
 
 
 def find_label(camera: CameraHandle, thing: str) -> tuple[str, int]:
@@ -421,7 +417,7 @@ def find_label(camera: CameraHandle, thing: str) -> tuple[str, int]:
 
 
 def _find_controller(
-    robot: Robot, link: str, asked: tuple[str, ...] | None
+    robot: Robot, link: str, wanted: tuple[str, ...] | None
 ) -> tuple[str, tuple[str, ...], str]:
     """Return the controller that moves a camera, its joints, and how it is sent to.
 
@@ -433,16 +429,16 @@ def _find_controller(
         names, is_forward = joints_of(controller), takes_positions(controller)
         is_trajectory = controller.type.endswith("JointTrajectoryController")
         moved = len(carriers & set(names))
-        is_meant = bool(moved) if asked is None else set(names) == set(asked)
+        is_meant = bool(moved) if wanted is None else set(names) == set(wanted)
         if is_meant and (is_forward or is_trajectory):
             kind = "trajectory" if is_trajectory else "commands"
             found.append((moved, is_trajectory, (controller.name, names, kind)))
     if not found:
         known = [each.name for each in robot.controllers.controllers]
         order = [j.name for j in robot.description.joints if j.name in carriers]
-        which = "joints that move the camera: " if asked is None else "exactly "
+        which = "joints that move the camera: " if wanted is None else "exactly "
         raise InputError(
-            f"no controller takes positions of {which}{quoted(asked or order)}; "
+            f"no controller takes positions of {which}{quoted(wanted or order)}; "
             f"there are {quoted(known) or 'none'}"
         )
     return max(found, key=lambda each: each[:2])[2]

@@ -249,10 +249,8 @@ def _bounds(pixels: Array, size: int) -> tuple[int, int]:
 def distort(x: Array, y: Array, d: Sequence[float]) -> tuple[Array, Array]:
     """Return where a lens shows what a pinhole has at x, y, at a depth of 1.
 
-    Args:
-        x: To the right of the distortion's centre, any shape.
-        y: Below it, of the same shape.
-        d: Coefficients k1, k2, p1, p2, k3.
+    x and y are to the right of the distortion's centre and below it, any shape; `d` are
+    the coefficients k1, k2, p1, p2, k3.
     """
     k1, k2, p1, p2, k3 = d
     r2 = x * x + y * y
@@ -280,8 +278,8 @@ def undistort(x: Array, y: Array, d: Sequence[float]) -> tuple[Array, Array]:
             xx = radial + at_x * at_x * slope + 2.0 * p1 * at_y + 6.0 * p2 * at_x
             yy = radial + at_y * at_y * slope + 2.0 * p2 * at_x + 6.0 * p1 * at_y
             xy = at_x * at_y * slope + 2.0 * (p1 * at_x + p2 * at_y)
-            there_x, there_y = distort(at_x, at_y, d)
-            miss_x, miss_y = there_x - x, there_y - y
+            distorted_x, distorted_y = distort(at_x, at_y, d)
+            miss_x, miss_y = distorted_x - x, distorted_y - y
             det = xx * yy - xy * xy
             step_x = (yy * miss_x - xy * miss_y) / det
             step_y = (xx * miss_y - xy * miss_x) / det

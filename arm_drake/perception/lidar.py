@@ -245,8 +245,7 @@ class _SlowScene:
     ) -> Any:
         """Return how far rays come [m], and which triangles they meet with `output`.
 
-        Raises:
-            ArmDrakeError: If there are too many of them.
+        ArmDrakeError if there are too many of them.
         """
         count = len(self._first)
         if len(starts) * count > _MOST_PAIRS:

@@ -1,4 +1,4 @@
-"""What cameras look at: the shapes of a diagram, lights, and Drake's renderer.
+"""Scenery of cameras: the shapes of a diagram, lights, and Drake's renderer.
 
 The shapes are copied out of the diagram's scene graph into one of their own when the
 first picture is taken: who reads no picture pays for none, and several cameras share

@@ -223,7 +223,7 @@ def _find_arm(
     for each in chosen:
         if set(each.joints) & set(ranges):
             continue
-        carried = [
+        mounted = [
             name
             for name in ranges
             if set(each.joints)
@@ -232,9 +232,9 @@ def _find_arm(
                 for j in joints_above(robot.description.joints, joints[name].parent)
             }
         ]
-        if carried:
-            palm = joints[carried[0]].parent
-            return each, [n for n in carried if joints[n].parent == palm]
+        if mounted:
+            palm = joints[mounted[0]].parent
+            return each, [n for n in mounted if joints[n].parent == palm]
     if group is not None:
         text = f"carries no gripper; the gripper's joints are {quoted(list(ranges))}"
         raise InputError(f"planning group {group!r} {text}")

@@ -144,8 +144,7 @@ def report_ignored(
 def read_moveit_files(robot: Robot, name: str) -> Iterator[tuple[Path, dict[str, Any]]]:
     """Yield the YAML files of a name beside a robot's SRDF files, and what they say.
 
-    Raises:
-        InputError: If one can't be read.
+    InputError if one can't be read.
     """
     folders = dict.fromkeys(file.parent for file in find_srdf_files(robot))
     for path in (folder / name for folder in folders):
@@ -162,8 +161,7 @@ def read_moveit_files(robot: Robot, name: str) -> Iterator[tuple[Path, dict[str,
 def find_group(robot: Robot, group: str | Collection[str] | None) -> PlanningGroup:
     """Return a group by its name or its joints, by default the first.
 
-    Raises:
-        InputError: If there is no such group or joint, or no joint at all.
+    InputError if there is no such group or joint, or no joint at all.
     """
     if group is not None and not isinstance(group, Collection):
         raise InputError(f"group: expected its name or its joints, got {group!r}")

@@ -519,12 +519,12 @@ class _Chain:
         low, high = x <= self.lower, x >= self.upper
         dx = _solve(H, g)
         at_limit = (low & (dx < 0.0)) | (high & (dx > 0.0))
-        held = np.zeros(x.shape, dtype=bool)
+        clamped = np.zeros(x.shape, dtype=bool)
         while at_limit.any():
-            held |= at_limit
+            clamped |= at_limit
             which = np.flatnonzero(at_limit.any(axis=1))
             # Joints that are held don't move, and others don't mind them.
-            free = ~held[which]
+            free = ~clamped[which]
             both = free[:, :, np.newaxis] & free[:, np.newaxis]
             dx[which] = _solve(np.where(both, H[which], np.eye(n)), g[which] * free)
             at_limit = (low & (dx < 0.0)) | (high & (dx > 0.0))
@@ -561,7 +561,7 @@ def _self_check(
     robot: Robot, chain: _Chain, q: np.ndarray
 ) -> Callable[[np.ndarray], bool]:
     """Return what says whether a robot doesn't touch itself."""
-    from arm_drake.planning.collisions import collision_model
+    from arm_drake.planning.collisions import collision_model  # It takes 40 ms.
 
     positions = _kinematics_of(robot).named(q)
     return collision_model(

@@ -393,11 +393,11 @@ class _Problem(NamedTuple):
         (k, n).
         """
         mover = Mover(self.robot, self.group.joints, self.positions, self.payloads)
-        given = self.options.velocity_scaling, self.options.acceleration_scaling
+        chosen = self.options.velocity_scaling, self.options.acceleration_scaling
         by_default = default_scaling(self.robot)
         velocity, acceleration = (
             one if each is None else each
-            for each, one in zip(given, by_default, strict=True)
+            for each, one in zip(chosen, by_default, strict=True)
         )
         slower = _WITH_JERK if self.has_jerk_limits else ((r, 1.0) for r in _ROUNDINGS)
         for rounding, stretch in slower:

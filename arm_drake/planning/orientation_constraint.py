@@ -21,9 +21,6 @@ _INNER = 0.75
 # What is in the cone though rounding put it out [rad].
 _ROUNDING = 1e-6
 
-# What a pose may be missed by [m], [rad].
-_MET = 1e-5
-
 # Directions that are shorter have none [1].
 _SHORTEST = 1e-9
 
@@ -168,8 +165,7 @@ def find_tilt(
 ) -> Tilt:
     """Return how a constraint is measured; the start decides what is upright.
 
-    Raises:
-        InputError: If there is no such link.
+    InputError if there is no such link.
     """
     links = model.links
     if constraint.link_name not in links:

@@ -116,18 +116,12 @@ def find_way(
     seed: int,
     tilt: Tilt | None = None,
 ) -> np.ndarray | None:
-    """Return the corners of a way from the start to a goal, shape (m, n), or None.
+    """Return the corners of a way from the start to one of the goals, shape (m, n).
 
-    Args:
-        model: What can collide.
-        start: Joint positions, shape (n,).
-        goals: Joint positions, each of shape (n,); the way leads to one of them.
-        bounds: Lower and upper ends of the joints.
-        step: How far apart checks on an edge are, in the model's norm.
-        is_over: Whether to give up.
-        is_timed: Whether only that ends the search, not a number of iterations.
-        seed: Seed of the random search, above 0.
-        tilt: How far a link may tilt on the way; its steps are then the corners.
+    It is None where `is_over` says so before there is one; unless `is_timed`, a number
+    of iterations ends the search, too. Checks on an edge are `step` apart, in the
+    model's norm. With a `tilt`, how far a link may tilt on the way, its steps are the
+    corners.
     """
     util.noOutputHandler()
     util.RNG.setSeed(seed)

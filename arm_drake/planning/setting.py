@@ -116,12 +116,12 @@ class PlanOptions:
     def __post_init__(self) -> None:
         """Raise InputError for what can't be."""
         scalings = "velocity_scaling", "acceleration_scaling"
-        given = [name for name in scalings if getattr(self, name) is not None]
-        for name in (*given, "padding"):
+        present = [name for name in scalings if getattr(self, name) is not None]
+        for name in (*present, "padding"):
             value = getattr(self, name)
             if not isinstance(value, int | float):
                 raise InputError(f"{name}: expected a number, got {value!r}")
-        for name in given:
+        for name in present:
             value = getattr(self, name)
             if not 0.0 < value <= 1.0:
                 raise InputError(

@@ -233,10 +233,8 @@ def read_planning_scene(
 ) -> PlanningScene:
     """Return what is around a robot of a running diagram, but for bodies ignored.
 
-    `held` says which links hold which bodies; these are where they are on the links.
-
-    Raises:
-        InputError: If there is no such body, or it has no shape.
+    `attached_bodies` says which links hold which bodies; these are where they are on
+    the links. InputError if there is no such body, or it has no shape.
     """
     plant, scene_graph = diagram.GetSubsystemByName("plant"), _scene_graph_of(diagram)
     own = plant.GetMyContextFromRoot(context)

@@ -1,4 +1,4 @@
-"""How fast joints may be, and times along a path within that, by Drake's Toppra.
+"""Limits of joints' motions, and times along a path within them, by Drake's Toppra.
 
 Limits are those of the `joint_limits.yaml` beside the SRDF, else of the description.
 
@@ -96,8 +96,7 @@ _limits: "weakref.WeakKeyDictionary[Robot, _Limits]" = weakref.WeakKeyDictionary
 def motion_limits(robot: Robot) -> dict[str, MotionLimits]:
     """Return how fast each movable joint may be.
 
-    Raises:
-        InputError: If a `joint_limits.yaml` can't be read.
+    InputError if a `joint_limits.yaml` can't be read.
     """
     return dict(_find_limits(robot).joints)
 
@@ -106,9 +105,7 @@ def default_scaling(robot: Robot) -> tuple[float, float]:
     """Return the parts of the joints' speed and acceleration to use, by default.
 
     They are MoveIt's `default_velocity_scaling_factor` and the one of acceleration.
-
-    Raises:
-        InputError: If a `joint_limits.yaml` can't be read.
+    InputError if a `joint_limits.yaml` can't be read.
     """
     return _find_limits(robot).scaling
 
@@ -287,9 +284,7 @@ def _window(samples: Samples, jerk: np.ndarray) -> float:
 def _average(samples: Samples, jerk: np.ndarray) -> Samples:
     """Return the means of a motion over a window of time that keep limits of jerk.
 
-    Args:
-        samples: The motion, at points that are close to each other.
-        jerk: Limits of the joints [rad/s^3] or [m/s^3], shape (n,).
+    These are the joints' [rad/s^3] or [m/s^3], shape (n,). Samples are close together.
     """
     t, q, v, _ = samples
     window = _window(samples, jerk)

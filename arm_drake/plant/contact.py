@@ -181,12 +181,9 @@ def separate(
 def rejoin(
     diagram: Diagram, context: Context, parted: Iterable[tuple[Shape, Shape]]
 ) -> None:
-    """Have shapes that were let pass through each other collide, once they are apart.
+    """Have shapes that `separate` has parted collide, once they are apart.
 
-    Args:
-        diagram: A diagram of `build_diagram`, with physics.
-        context: Its root context; the filter that it holds is changed.
-        parted: What `separate` has parted.
+    It changes the filter that the root context of the diagram holds.
     """
     plant = diagram.GetSubsystemByName("plant")
     scene_graph = diagram.GetSubsystemByName("scene_graph")

@@ -102,15 +102,10 @@ def complete(
 ) -> dict[str, float]:
     """Return the position of every movable joint [rad] or [m], in their order.
 
-    A joint that follows is where its master puts it, also beyond its own limits.
-
-    Args:
-        description: The robot.
-        positions: Positions of independent joints [rad] or [m], which are fitted into
-            their ranges; joints that are left out are at their centers.
-
-    Raises:
-        InputError: If one is for no joint or one that follows, or isn't finite.
+    Given positions are fitted into their ranges; independent joints that are left out
+    are at their centers, and one that follows is where its master puts it, also beyond
+    its own limits. InputError if a position is for no joint or one that follows, or
+    isn't finite.
     """
     ranges = {r.name: r for r in joint_ranges(description)}
     own = [name for name, r in ranges.items() if r.follows is None]

@@ -95,7 +95,7 @@ def read_fields(path: Path, robot: str | None = None) -> dict[str, Any]:
         with path.open("rb") as content, np.load(content) as file:
             arrays = dict(file)
         static = read_static(bytes(arrays.pop(_STATIC)).decode())
-        told = {
+        sensors = {
             topic: (
                 arrays.pop(f"{topic}{_FIELDS}"),
                 arrays.pop(f"{topic}{_DATA}"),
@@ -121,7 +121,7 @@ def read_fields(path: Path, robot: str | None = None) -> dict[str, Any]:
                 for name, joints in static["references"].items()
             },
             "sensor_messages": {
-                topic: _read_sensor(*parts) for topic, parts in told.items()
+                topic: _read_sensor(*parts) for topic, parts in sensors.items()
             },
             "free_poses": {
                 link: arrays[f"{link}/pose"] for link in static["free_poses"]

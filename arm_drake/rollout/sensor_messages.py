@@ -1,4 +1,4 @@
-"""What cameras and lidars told, as plain data for files of rollouts."""
+"""Messages of cameras and lidars, as plain data for files of rollouts."""
 
 import dataclasses as dc
 import functools

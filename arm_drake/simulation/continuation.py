@@ -1,4 +1,4 @@
-"""A simulation goes on with another diagram of the same robots: a thing came to it."""
+"""Continuation of a simulation with another diagram, to which a thing was added."""
 
 import contextlib
 
@@ -23,14 +23,8 @@ def continue_with(simulation: Simulation, diagram: Diagram) -> None:
 
     Time, what moves, controllers, what was sent and logged stay as they are; what is
     new is where its diagram has it. A reset goes back to the start of the new diagram.
-
-    Args:
-        simulation: What goes on.
-        diagram: A diagram of `build_diagram`, with the same robots and options.
-
-    Raises:
-        InputError: If it has other systems, there is no physics, or the simulation
-            can't go on with it.
+    InputError if that has other systems, there is no physics, or the simulation can't
+    go on with it.
     """
     _ = simulation.plant  # There is none without physics, which is said.
     if simulation.recorders:

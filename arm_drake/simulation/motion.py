@@ -138,9 +138,9 @@ class TaskOutcome:
     def describe(self) -> str:
         """Return what was done, and what became of it."""
         thing = getattr(self.result, "thing", "") or getattr(self.task, "thing", "")
-        told = self.reason or (self.result.describe() if self.result else "done")
+        outcome = self.reason or (self.result.describe() if self.result else "done")
         robot = f"{self.task.robot}: " if self.task.robot else ""
-        return f"{robot}{' '.join(filter(None, (self.task.kind, thing)))}: {told}"
+        return f"{robot}{' '.join(filter(None, (self.task.kind, thing)))}: {outcome}"
 
     def to_json(self) -> dict[str, Any]:
         """Return what was done, and what became of it, with figures."""
@@ -540,10 +540,7 @@ def _read_upright(fields: Fields, value: Any, where: str) -> tuple[str, float]:
 
 def read_pick(fields: Fields, value: Any, where: str) -> PickThing:
     """Return what to pick, and how: a name, or a mapping with `thing`."""
-    data = dict(_task_options(fields, value, where, "thing", PICK_OPTIONS))
-    thing = data.pop("thing")
-    if not isinstance(thing, str):
-        raise fields.error(where, f"expected the name of a thing, got {thing!r}")
+    thing, data = _read_thing(fields, value, where, PICK_OPTIONS)
     if "goal" in data:
         data["goal"] = _read_place_pose(fields, data["goal"], f"{where}.goal")
     return PickThing(thing, robot=data.pop("robot", None), options=data)
@@ -551,10 +548,7 @@ def read_pick(fields: Fields, value: Any, where: str) -> PickThing:
 
 def read_follow(fields: Fields, value: Any, where: str) -> FollowThing:
     """Return what to follow, and how: a name, or a mapping with `thing`."""
-    data = dict(_task_options(fields, value, where, "thing", FOLLOW_OPTIONS))
-    thing = data.pop("thing")
-    if not isinstance(thing, str):
-        raise fields.error(where, f"expected the name of a thing, got {thing!r}")
+    thing, data = _read_thing(fields, value, where, FOLLOW_OPTIONS)
     return FollowThing(thing, robot=data.pop("robot", None), options=data)
 
 
@@ -563,6 +557,17 @@ def read_place(fields: Fields, value: Any, where: str) -> PlaceThing:
     data = dict(_task_options(fields, value, where, "pose", PICK_OPTIONS))
     pose = _read_place_pose(fields, data.pop("pose"), where)
     return PlaceThing(pose, robot=data.pop("robot", None), options=data)
+
+
+def _read_thing(
+    fields: Fields, value: Any, where: str, known: Mapping[str, type | None]
+) -> tuple[str, dict[str, Any]]:
+    """Return the name of a thing, and the options beside it."""
+    data = dict(_task_options(fields, value, where, "thing", known))
+    thing = data.pop("thing")
+    if not isinstance(thing, str):
+        raise fields.error(where, f"expected the name of a thing, got {thing!r}")
+    return thing, data
 
 
 def _task_options(

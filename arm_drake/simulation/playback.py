@@ -105,7 +105,7 @@ class Player:
         # By robot; None is the first one.
         self._running: dict[str, _Running] = {}
         # By robot: how what it picked lies in its palm, if a camera saw it.
-        self._held: dict[str, RigidTransform] = {}
+        self._grasps: dict[str, RigidTransform] = {}
         self._steps = self._motion.timeline()
         self._next = next(self._steps, None)
         # When a motion with tasks is over, a while after they are done [s]; the robots
@@ -230,7 +230,7 @@ class Player:
                 continue
             if self._simulation.rests(message.robot):
                 self._waiting.remove(step)
-                times = _perform(self._simulation, message, where, self._held)
+                times = _perform(self._simulation, message, where, self._grasps)
                 self._running[robot] = _Running(step, times, 0.0)
                 self._go_on(self._simulation.time)
 
@@ -249,7 +249,7 @@ def _perform(
     simulation: Any,
     message: Task,
     where: str,
-    held: dict[str, RigidTransform],
+    grasps: dict[str, RigidTransform],
 ) -> Iterator[float]:
     """Yield times until which to simulate [s], while a robot does something.
 
@@ -265,17 +265,17 @@ def _perform(
         if isinstance(message, PickThing):
             result = yield from picking(simulation, message.thing, **options)
             if result:
-                held.pop(robot, None)
+                grasps.pop(robot, None)
                 if "camera" in options:
-                    held[robot] = result.X_PO
+                    grasps[robot] = result.X_PO
         elif isinstance(message, FollowThing):
             result = yield from following(simulation, message.thing, **options)
         else:
             assert isinstance(message, PlaceThing)
-            options["held"] = held.get(robot)
+            options["held"] = grasps.get(robot)
             result = yield from placing(simulation, message.pose, **options)
             if result:
-                held.pop(robot, None)
+                grasps.pop(robot, None)
     except ArmDrakeError as error:
         reason = str(error)
     else:
@@ -290,11 +290,11 @@ def _check_task(simulation: Any, message: Task) -> None:
     from arm_drake.manipulation.hand import Hand, PickOptions
     from arm_drake.manipulation.visual_servoing import FollowOptions, Servo
 
-    given = {**message.options, "robot": message.robot}
+    options = {**message.options, "robot": message.robot}
     if isinstance(message, FollowThing):
-        Servo(simulation, message.thing, read_options(FollowOptions, "follow", given))
+        Servo(simulation, message.thing, read_options(FollowOptions, "follow", options))
         return
-    hand = Hand(simulation, read_options(PickOptions, "pick", given))
+    hand = Hand(simulation, read_options(PickOptions, "pick", options))
     if isinstance(message, PickThing):
         hand.find_thing(message.thing)
 

@@ -216,9 +216,9 @@ def _read_sensors(
             name = log_name(manager.prefix, sensor.sensor.name)
             if diagram.HasSubsystemNamed(name):
                 log: Any = diagram.GetSubsystemByName(name)
-                for topic, told in log.read(context, since).items():
+                for topic, logged in log.read(context, since).items():
                     # Of several on a topic those of a time are in the sensors' order.
-                    both = (*found.get(topic, ()), *told)
+                    both = (*found.get(topic, ()), *logged)
                     found[topic] = tuple(sorted(both, key=stamp_of))
     return found
 

@@ -1,4 +1,4 @@
-"""What a robot is asked for in space: to be somewhere, to move there, to go home.
+"""Requests in task space: positions for a pose, motions to a pose, and the way home.
 
 Names, fields and meaning are those of the nodes of the Centauri's repository, which has
 `/centauri/kinematics`, `/centauri/trajectory` and `/centauri/home`. Here any robot has

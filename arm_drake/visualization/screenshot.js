@@ -1,12 +1,12 @@
 // What a Meshcat page does for a screenshot. Its own y is up, z is up in all arguments.
 window.arm_drake = (() => {
     // Objects that the page has been told to draw and hasn't drawn yet, and whether it
-    // has had the last news: that something called `last_news` is deleted.
+    // has drawn the last change: that something called `last_change` is deleted.
     const waiting = new Set();
-    const last_news = "arm_drake_last_news";
-    let has_last_news = false;
+    const last_change = "arm_drake_last_change";
+    let is_complete = false;
 
-    // Nobody sees the page: frames for each piece of news cost far more than the picture.
+    // Nobody sees the page: frames for each change cost far more than the picture.
     window.requestAnimationFrame = () => 0;
 
     let viewer;
@@ -24,7 +24,7 @@ window.arm_drake = (() => {
                 waiting.delete(path.join("/"));
             };
             made.delete_path = function (path) {
-                if (path[path.length - 1] === last_news) has_last_news = true;
+                if (path[path.length - 1] === last_change) is_complete = true;
                 else delete_path.call(this, path);
             };
         },
@@ -33,8 +33,8 @@ window.arm_drake = (() => {
     const find = (...path) => viewer.scene_tree.find(path).object;
     const place = (vector, [x, y, z]) => vector.set(x, z, -y);
 
-    // Returns whether the page has had all news, and what it hasn't drawn yet.
-    const progress = () => [has_last_news, [...waiting]];
+    // Returns whether the page has drawn everything, and what it hasn't drawn yet.
+    const progress = () => [is_complete, [...waiting]];
 
     // Returns the farthest drawn point in each direction, none where nothing is drawn.
     const find_extremes = (paths, directions) => {

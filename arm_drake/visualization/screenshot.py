@@ -117,8 +117,8 @@ _POLL = 0.02
 # Works in the page.
 _SCRIPT = Path(__file__).with_suffix(".js")
 
-# Nothing is there; its deletion is the page's last news.
-_LAST_NEWS = "arm_drake_last_news"
+# Nothing is there; its deletion is the last change of the page.
+_LAST_CHANGE = "arm_drake_last_change"
 
 
 class Photographer:
@@ -194,7 +194,7 @@ class Photographer:
         """
         while not task.done():
             # A page that isn't connected yet misses it; later it comes after all else.
-            meshcat.Delete(_LAST_NEWS)
+            meshcat.Delete(_LAST_CHANGE)
             concurrent.futures.wait([task], _POLL)
             tell()
         return task.result()
@@ -295,8 +295,8 @@ def _wait_until_drawn(page: "Page") -> None:
     """Wait until a page has the scene, and all of it is drawn."""
     deadline = time.monotonic() + _TIMEOUT
     while True:
-        has_last_news, waiting = page.evaluate("() => arm_drake.progress()")
-        if has_last_news and not waiting:
+        is_complete, waiting = page.evaluate("() => arm_drake.progress()")
+        if is_complete and not waiting:
             return
         if time.monotonic() > deadline:
             what = f"draws no {waiting[0]}" if waiting else "does not get the scene"

@@ -267,8 +267,7 @@ class Fragments:
     def add(self, content: Mapping[str, Any]) -> str | None:
         """Take a part of a message; return the message if it is whole now.
 
-        Raises:
-            InputError: If it is no such part, or there are too many.
+        InputError if it is no such part, or there are too many.
         """
         id_, data = content.get("id"), content.get("data")
         number, total = content.get("num"), content.get("total")

@@ -8,7 +8,7 @@ import json
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import foxglove
 from foxglove import Capability
@@ -31,11 +31,9 @@ from arm_drake.errors import ArmDrakeError, InputError, OutputError
 from arm_drake.wire.encodings import to_json
 from arm_drake.wire.graph import Request, Topic
 from arm_drake.wire.graph import Service as GraphService
+from arm_drake.wire.server import RosServer
 from arm_drake.wire.services import from_parameter_value, to_parameter_value
 from arm_drake.wire.types import full_name
-
-if TYPE_CHECKING:
-    from arm_drake.wire.server import RosServer
 
 # How long a caller waits for the simulation at most [s].
 _PATIENCE = 65.0
@@ -59,7 +57,7 @@ class Foxglove:
 
     name: ClassVar[str] = "foxglove"
 
-    def __init__(self, server: "RosServer", port: int) -> None:
+    def __init__(self, server: RosServer, port: int) -> None:
         """Create it."""
         self.server, self._port = server, port
         self._context = foxglove.Context()
@@ -149,11 +147,7 @@ class Foxglove:
         return Service(name=service.name, schema=schema, handler=answer)
 
     def ask(self, name: str, fields: dict[str, Any]) -> dict[str, Any]:
-        """Call a service, and wait for its response.
-
-        Raises:
-            InputError: If it is refused.
-        """
+        """Call a service, and wait for its response; InputError if it is refused."""
         answer: concurrent.futures.Future[dict[str, Any]] = concurrent.futures.Future()
 
         def refuse(problem: str) -> None:

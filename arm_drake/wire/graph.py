@@ -206,7 +206,7 @@ class _Once:
         return self._made
 
 
-class _Told:
+class _OncePerStamp:
     """Makes the messages of a topic of what was read of them, each time once."""
 
     def __init__(self, convert: Callable[[Any, int], dict[str, Any] | None]) -> None:
@@ -360,7 +360,7 @@ class Graph:
         self._cycles = {id(manager): _LastCycle(manager) for manager in managers}
         for topic in self._find_topics():
             self._add(topic)
-        self._add(_clock(simulation))
+        self._add(_clock())
         self.rosout = _rosout()
         self._add(self.rosout)
         for manager in managers:
@@ -429,7 +429,10 @@ class Graph:
         if isinstance(source.system, ControllerInterface):
             look = source.system.find_look(source.port)
             if look is not None:
-                cycle, topic.convert = self._cycle_of(source), _Told(topic.convert)
+                cycle, topic.convert = (
+                    self._cycle_of(source),
+                    _OncePerStamp(topic.convert),
+                )
                 topic.read = lambda context: (look(context), cycle.read(context))
         return True
 
@@ -483,7 +486,7 @@ def _node_of(port: TopicPort) -> str:
     return f"/{port.controller}"
 
 
-def _clock(simulation: Simulation) -> Topic:
+def _clock() -> Topic:
     def read(context: Context) -> int:
         return round(context.get_time() * NANOSECONDS)
 

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 from arm_drake.errors import InputError, suggest
 from arm_drake.wire.graph import Graph
+from arm_drake.wire.services import from_parameter_value, to_parameter_value
 from arm_drake.wire.types import WireTypes, full_name
 
 Args = Mapping[str, Any]
@@ -248,8 +249,6 @@ class _Params:
         self._ask(f"{node}/get_parameters", request, lambda v: self._got(name, v, args))
 
     def _got(self, name: str, values: Any, args: Args) -> None:
-        from arm_drake.wire.services import from_parameter_value
-
         [found] = values["values"]
         if name == "has_param":
             self._reply({"exists": found["type"] != 0})
@@ -259,8 +258,6 @@ class _Params:
         self._reply({"value": text, "successful": value is not None, "reason": ""})
 
     def _set(self, node: str, own: str, args: Args) -> None:
-        from arm_drake.wire.services import to_parameter_value
-
         try:
             value = json.loads(str(args.get("value", "")))
         except ValueError:

@@ -10,7 +10,7 @@ import socket
 import time
 import uuid
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 from urllib.parse import urlsplit
 
 import tornado.httpserver
@@ -32,10 +32,8 @@ from arm_drake.wire.encodings import (
     to_png,
 )
 from arm_drake.wire.graph import GoalEvent, Graph, Request, Topic
+from arm_drake.wire.server import RosServer
 from arm_drake.wire.types import WireTypes, full_name
-
-if TYPE_CHECKING:
-    from arm_drake.wire.server import RosServer
 
 # Largest message that is taken [bytes], and how many a client may send a second.
 _MAX_SIZE, _MAX_RATE = 10_000_000, 2000
@@ -289,7 +287,7 @@ class Rosbridge:
 
     name: ClassVar[str] = "rosbridge"
 
-    def __init__(self, server: "RosServer", port: int) -> None:
+    def __init__(self, server: RosServer, port: int) -> None:
         """Create it."""
         self.server, self.port = server, port
         self.clients: set[Client] = set()

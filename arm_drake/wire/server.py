@@ -220,7 +220,6 @@ class RosServer:
         self._is_stopping = threading.Event()
         self._ready = threading.Event()
         self._error: BaseException | None = None
-        self.num_refused = 0
 
     def _make(self, name: str, port: int | None) -> Transport:
         row = TRANSPORTS[name]
@@ -551,7 +550,6 @@ class RosServer:
             InputError: If too much waits already.
         """
         if len(self._requests) >= MAX_REQUESTS:
-            self.num_refused += 1
             raise InputError(
                 f"{MAX_REQUESTS} requests wait for the next tick; send fewer at a time"
             )

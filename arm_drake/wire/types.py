@@ -207,11 +207,7 @@ class WireTypes:
         return quick(fields) if quick else self._ros.encode(type_, fields)
 
     def decode(self, type_: str, data: bytes) -> dict[str, Any]:
-        """Return a message in CDR as plain data.
-
-        Raises:
-            InputError: If it is no such message.
-        """
+        """Return a message in CDR as plain data, or raise InputError."""
         try:
             message = self._store.deserialize_cdr(data, type_)
         # Whatever a codec says of bytes that mean nothing to it.
@@ -246,8 +242,7 @@ class WireTypes:
     def fill(self, type_: str, fields: Any, where: str = "") -> dict[str, Any]:
         """Return plain data with all fields of its type, each of the right kind.
 
-        Raises:
-            InputError: If there is a field too many, or one isn't what it must be.
+        InputError if there is a field too many, or one isn't what it must be.
         """
         filler = self._fillers.get(type_)
         if filler is None:
@@ -572,8 +567,7 @@ M = TypeVar("M", bound=Message)
 def to_message(kind: type[M], fields: Mapping[str, Any], offset_ns: int = 0) -> M:
     """Return plain data as a message of ours; its stamps are so much earlier [ns].
 
-    Raises:
-        InputError: If it can't be one, or has something in a field that isn't known.
+    InputError if it can't be one, or has something in a field that isn't known.
     """
     own: Any = kind
     known, values = _hints(own), {}

@@ -10,7 +10,7 @@ import struct
 import time
 import uuid
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import zenoh
 import zenoh.ext
@@ -26,9 +26,7 @@ from arm_drake.wire.graph import (
     Service,
     Topic,
 )
-
-if TYPE_CHECKING:
-    from arm_drake.wire.server import RosServer
+from arm_drake.wire.server import RosServer
 
 # Sequence number, time [ns], length of the identifier, and the identifier.
 _ATTACHMENT = struct.Struct("<qqB16s")
@@ -219,7 +217,7 @@ class Zenoh:
 
     name: ClassVar[str] = "zenoh"
 
-    def __init__(self, server: "RosServer", port: int) -> None:
+    def __init__(self, server: RosServer, port: int) -> None:
         """Create it."""
         self.server, self._port = server, port
         self.session: zenoh.Session

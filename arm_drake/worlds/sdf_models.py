@@ -384,8 +384,8 @@ class _Shape:
         uri = (found.text or "").strip()
         texture = self.models.find_file(uri, self.file.path.parent)
         if texture is None or texture.suffix.lower() not in TEXTURES:
-            is_there = texture is not None
-            expected = f"no {' or '.join(TEXTURES)}" if is_there else "no such file"
+            has_texture = texture is not None
+            expected = f"no {' or '.join(TEXTURES)}" if has_texture else "no such file"
             self._say(f"texture {uri!r}: {expected}", "drawn without it", "warning")
             texture = None
         parent.remove(found)

@@ -1,4 +1,6 @@
+import gc
 import json
+import sys
 from pathlib import Path
 
 import pytest
@@ -81,6 +83,19 @@ def test_a_plan_is_a_motion_that_sim_plays(
     assert last == pytest.approx(content["end"], abs=5e-3)
     X = ad.forward_kinematics(ad.load_robot("doosan_a0912"), last, FRAME)
     assert X.translation() == pytest.approx([0.4, 0.2, 0.6], abs=0.01)
+
+
+@pytest.mark.slow
+def test_plans_in_one_process_keep_no_garbage(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(sys.modules, "ompl", raising=False)
+    words = ["plan", "doosan_a0912", "--to", "joint1=0.1"]
+    assert main(words) == 0
+    kept = gc.get_freeze_count()
+
+    assert main(words) == 0
+
+    assert kept > 0
+    assert gc.get_freeze_count() <= kept
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""What topics say, drawn in the scene: RViz's displays, each chosen by its topic."""
+"""Displays of topics in the scene, as RViz has them: each is chosen by its topic."""
 
 import copy
 import math

@@ -1,4 +1,4 @@
-"""Things that are put into a running simulation on its page."""
+"""Insertion of things into a running simulation, on its page."""
 
 import itertools
 from typing import Any

@@ -44,7 +44,7 @@ class Keyboard(Part):
         self.arms = {r.controller: r for r in live.remotes if r.axes()}
         self.base = next(iter(self.bases), _NOTHING)
         self.arm = next(iter(self.arms), _NOTHING)
-        self._held: frozenset[str] = frozenset()
+        self._pressed: frozenset[str] = frozenset()
         self._heard, self._last = 0.0, math.nan
         # What is told something that has to end with the key.
         self._driving: dict[str, float] = {}
@@ -58,9 +58,9 @@ class Keyboard(Part):
         """
         known = {SHIFT, *ARROWS, *DIGITS}
         names = set(filter(known.__contains__, map(str, keys)))
-        before, self._held = self._held, frozenset(names)
+        before, self._pressed = self._pressed, frozenset(names)
         self._heard = time.perf_counter()
-        if not self._held - {SHIFT}:
+        if not self._pressed - {SHIFT}:
             self._let_go()
         elif not before - {SHIFT}:
             self._last = self._live.simulation.time
@@ -76,7 +76,7 @@ class Keyboard(Part):
                 self._drive()
                 self._jog(passed)
             except InputError as error:
-                self._held = frozenset()
+                self._pressed = frozenset()
                 self._driving, self._turning = {}, set()
                 self._live.page.say(str(error), "error")
                 return math.inf
@@ -115,7 +115,7 @@ class Keyboard(Part):
 
     def reset(self) -> None:
         """Let go of all keys."""
-        self._held, self._driving, self._turning = frozenset(), {}, set()
+        self._pressed, self._driving, self._turning = frozenset(), {}, set()
 
     def take_over(self, other: Part) -> None:
         """Be switched on as the other one was."""
@@ -142,10 +142,10 @@ class Keyboard(Part):
 
     def _is_driving(self) -> bool:
         """Return whether a key is down; what wasn't heard of for long isn't."""
-        if not self._held - {SHIFT}:
+        if not self._pressed - {SHIFT}:
             return False
         if time.perf_counter() - self._heard > _PATIENCE:
-            self._held = frozenset()
+            self._pressed = frozenset()
             self._let_go()
             return False
         return True
@@ -167,9 +167,9 @@ class Keyboard(Part):
         if base is None:
             return
         velocity: dict[str, float] = {}
-        for key in self._held & ARROWS.keys():
+        for key in self._pressed & ARROWS.keys():
             name, sign = ARROWS[key]
-            if name == "turn" and SHIFT in self._held:
+            if name == "turn" and SHIFT in self._pressed:
                 name = "sideways"
             limits = base.range_of(name)
             if limits is not None:
@@ -185,10 +185,10 @@ class Keyboard(Part):
         arm = self.arms.get(self.arm)
         if arm is None:
             return
-        sign = -1.0 if SHIFT in self._held else 1.0
+        sign = -1.0 if SHIFT in self._pressed else 1.0
         down = set()
         for key, (part, axis) in zip(DIGITS, arm.axes().items(), strict=False):
-            if key not in self._held:
+            if key not in self._pressed:
                 continue
             share = sign * self.percent / 100.0
             if axis.interface != POSITION:

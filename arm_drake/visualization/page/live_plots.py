@@ -26,9 +26,6 @@ _NAMES = ("joint_names", "interface_names", "name")
 
 _STEP = re.compile(r"([^/\[\]]+)(?:\[([^\]]*)\])?(?:/|$)")
 
-# Messages that aren't made for a number.
-_WITHOUT_NUMBERS = ("Image", "CameraInfo", "PointCloud2")
-
 _NOTHING = "–"
 
 _Row = list[float | None]

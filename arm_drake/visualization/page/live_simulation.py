@@ -467,10 +467,7 @@ class LiveSimulation:
         self.remotes = find_remotes(self.simulation)
         self.planning.clear()
         self.planning = MotionPlanning(self.page, SimulatedRobots(self))
-        before, self.parts = self.parts, make_parts(self, PARTS)
-        for part in self.parts:
-            for other in before:
-                part.take_over(other)
+        self.parts = make_parts(self, PARTS, self.parts)
         self._pictures.clear()
         self._shown_time = self._replayed_at = None
         self._drawn = math.nan

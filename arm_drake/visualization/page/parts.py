@@ -151,12 +151,17 @@ def find_part(parts: Iterable[Part], kind: type[_P]) -> _P:
     return next(part for part in parts if isinstance(part, kind))
 
 
-def make_parts(page: Any, rows: Iterable[str]) -> list[Part]:
-    """Return the parts of a LiveSimulation or a RobotViewer."""
+def make_parts(
+    page: Any, rows: Iterable[str], before: Sequence[Part] = ()
+) -> list[Part]:
+    """Return the parts of a LiveSimulation or a RobotViewer, in place of others."""
     parts = []
     for row in rows:
         module, _, name = row.partition(":")
         part: Part | None = getattr(importlib.import_module(module), name)(page)
         if part is not None:
             parts.append(part)
+    for part in parts:
+        for other in before:
+            part.take_over(other)
     return parts

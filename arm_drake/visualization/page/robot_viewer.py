@@ -319,10 +319,7 @@ class RobotViewer:
         self.readout.put([robot])
         self._planned = ViewedRobot(self)
         self.planning = MotionPlanning(self.page, self._planned)
-        before, self.parts = self.parts, make_parts(self, VIEW_PARTS)
-        for part in self.parts:
-            for other in before:
-                part.take_over(other)
+        self.parts = make_parts(self, VIEW_PARTS, self.parts)
         sections = make_viewer_sections(
             robot,
             ranges,
