@@ -4,7 +4,7 @@ import contextlib
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from xml.parsers import expat
 
@@ -90,6 +90,14 @@ def explain_malformed(text: str, reason: str, line: int) -> str:
         shown = f"{shown[:_MAX_SHOWN]}..."
     inside = f", inside {around}" if waiting else ""
     return f"malformed XML: {reason}{inside}: {shown!r}"
+
+
+def free_name(name: str, is_taken: Callable[[str], bool]) -> str:
+    """Return a name that isn't taken: this one, or with the first number that helps."""
+    free, number = name, 2
+    while is_taken(free):
+        free, number = f"{name}_{number}", number + 1
+    return free
 
 
 def parse_number(text: str) -> float | None:

@@ -19,6 +19,7 @@ from typing import Final, Literal
 from arm_drake.description.elements import (
     ElementReader,
     attribute,
+    free_name,
     parse_float,
     text_of,
 )
@@ -287,9 +288,7 @@ def read_perception_sensors(
                 plugins = (realsenses[name], *plugins)
             common = reader.read_common(element, link, plugins, links)
             for sensor in read(reader, element, common):
-                free, number = sensor.name, 2
-                while free in found:
-                    free, number = f"{sensor.name}_{number}", number + 1
+                free = free_name(sensor.name, found.__contains__)
                 if free != sensor.name:
                     what = f"another sensor is called {sensor.name!r}"
                     reader.note("info", "repair", what, f"this one is {free!r}")

@@ -14,6 +14,7 @@ from arm_drake import interfaces
 from arm_drake.description.claimed_hardware import claimed_joints, make_block
 from arm_drake.description.controller_manager_parameters import MANAGER
 from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
+from arm_drake.description.elements import free_name
 from arm_drake.description.gazebo_plugins import (
     DiffDrive,
     GazeboRosDiffDrive,
@@ -394,9 +395,7 @@ def _controllers(
     groups += [(tag,) for tag in tags if not isinstance(tag.plugin, GROUPED)]
     for group in filter(None, groups):
         kind: type[RunPlugin] = type(group[0].plugin)
-        name, number = kind.__name__, 2
-        while name in names:
-            name, number = f"{kind.__name__}_{number}", number + 1
+        name = free_name(kind.__name__, names.__contains__)
         names.add(name)
         plugins = tuple(tag.plugin for tag in group)
         joints = frozenset(n for tag in group for n in tag.joints)

@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 
 from arm_drake import interfaces
 from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
+from arm_drake.description.elements import free_name
 from arm_drake.description.gazebo import CONTACT, GazeboSensor, referred_link
 from arm_drake.description.gazebo_plugins import ContactSensorTag, shape_name
 from arm_drake.description.report import LoadReport, Severity
@@ -281,9 +282,7 @@ def add_contact_sensors(
         tag = _make_tag(sensor, shapes, description, report)
         if tag is None:
             continue
-        name, number = tag.name, 2
-        while name in names:
-            name, number = f"{tag.name}_{number}", number + 1
+        name = free_name(tag.name, names.__contains__)
         names.add(name)
         kind = CLASSIC_TYPE if tag.is_classic else SIM_TYPE
         added.append(

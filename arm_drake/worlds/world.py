@@ -22,6 +22,7 @@ from pydrake.multibody.tree import (
 )
 
 from arm_drake.description.bundled import models_folder
+from arm_drake.description.elements import free_name
 from arm_drake.errors import InputError, suggest
 from arm_drake.plant.contact import add_ground
 from arm_drake.plant.drake_log import drake_messages
@@ -259,7 +260,9 @@ def _add_standing(
         X_WB = parsed.EvalBodyPoseInWorld(context, body)
         model = parsed.GetModelInstanceName(body.model_instance())
         if model not in instances:
-            instances[model] = plant.AddModelInstance(_free_name(plant, model))
+            instances[model] = plant.AddModelInstance(
+                free_name(model, plant.HasModelInstanceNamed)
+            )
         name, instance = str(body.name()), instances[model]
         plant.AddFrame(FixedOffsetFrame(name, plant.world_frame(), X_WB, instance))
         frame_id = parsed.GetBodyFrameIdOrThrow(body.index())
@@ -280,12 +283,3 @@ def _add_standing(
                 seen = clone.mutable_perception_properties()
                 seen.UpdateProperty("label", "id", RenderLabel(int(world_index())))
             plant.RegisterVisualGeometry(plant.world_body(), clone)
-
-
-def _free_name(plant: MultibodyPlant, name: str) -> str:
-    """Return a name that no model instance of a plant has, the given one if it can."""
-    number, free = 1, name
-    while plant.HasModelInstanceNamed(free):
-        number += 1
-        free = f"{name}_{number}"
-    return free

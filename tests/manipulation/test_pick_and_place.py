@@ -48,7 +48,7 @@ BOX = ad.Thing("box", "box", (0.025, 0.025, 0.04), mass=0.02)
 # time or less. What defaults do is shown by the page's program and by a notebook.
 COARSE = ad.SimulationOptions(time_step=5e-3)
 
-# Things of other shapes roll in such steps; slippery ones slip in the default ones alone.
+# Things of other shapes roll in such steps; slippery ones slip in the default alone.
 MEDIUM = ad.SimulationOptions(time_step=2e-3)
 
 
