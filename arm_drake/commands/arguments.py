@@ -685,6 +685,18 @@ def add_loading_arguments(parser: argparse.ArgumentParser) -> None:
     add("--name", help="name of the robot")
 
 
+def loading_words(options: argparse.Namespace) -> list[str]:
+    """Return the words that load the same robot, as `add_robot_arguments` has them."""
+    words = [options.robot, *(f"{n}{XACRO}{value}" for n, value in options.xacro_args)]
+    for name in ("controllers", "package_path", "var", "add_frame", "srdf"):
+        for value in getattr(options, name) or ():
+            text = value if isinstance(value, str) else "=".join(value)
+            words.append(f"--{name.replace('_', '-')}={text}")
+    words += ["--decompose"] if options.decompose else []
+    words += [] if options.distro == "jazzy" else [f"--distro={options.distro}"]
+    return words if options.name is None else [*words, f"--name={options.name}"]
+
+
 def add_json(parser: argparse.ArgumentParser) -> None:
     """Add the option for machines."""
     parser.add_argument("--json", action="store_true", help="print one JSON object")

@@ -6,22 +6,24 @@ import json
 import math
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import yaml
 
+from arm_drake.commands.arguments import loading_words
 from arm_drake.description.elements import parse_float
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
 from arm_drake.output_files import check_suffix, check_writable, writing
-from arm_drake.planning.groups import find_group, require_controller
-from arm_drake.planning.inverse_kinematics import WHOLE_POSE, solve_ik
-from arm_drake.planning.motion_planning import (
-    Plan,
-    Target,
-    plan,
+from arm_drake.planning.groups import (
+    find_group,
+    find_position_controller,
+    find_receiver,
 )
+from arm_drake.planning.inverse_kinematics import WHOLE_POSE, solve_ik
+from arm_drake.planning.motion_planning import Plan, Target, plan
 from arm_drake.planning.orientation_constraint import OrientationConstraint
 from arm_drake.visualization.plot import check_plot_path
 
@@ -77,6 +79,8 @@ def run_plan(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
         raise InputError("--to: poses are all X,Y,Z, or all X,Y,Z,R,P,Y")
     start = read_positions("--start", options.start)
     robot = load()
+    if options.output is not None:  # Before what takes long.
+        find_receiver(robot, find_group(robot, options.group))
     # Once: of 1.6 s the process's end spares 0.2 s, a search for garbage in all this.
     # What OMPL makes needs that search, see `cli._end_soon`.
     if "ompl" not in sys.modules and not gc.get_freeze_count():
@@ -122,12 +126,17 @@ def run_plan(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
         print(f"warning: {warning}", file=sys.stderr)
     print(found.describe())
     if options.output is not None:
-        words = [options.robot, "--motion", str(options.output)]
-        words += [] if options.world == "empty" else ["--world", options.world]
-        for joint, value in start.items():
-            words += ["--initial", f"{joint}={value!r}"]
-        print(f"play it: arm-drake sim {shlex.join(words)}")
+        print(f"play it: {_play(options, start)}")
     return 0
+
+
+def _play(options: argparse.Namespace, start: Mapping[str, float]) -> str:
+    """Return the command that plays a plan from where it begins."""
+    words = [*loading_words(options), "--motion", str(options.output)]
+    words += [] if options.world == "empty" else ["--world", options.world]
+    for joint, value in start.items():
+        words += ["--initial", f"{joint}={value!r}"]
+    return f"arm-drake sim {shlex.join(words)}"
 
 
 def _check_files(options: argparse.Namespace) -> None:
@@ -144,8 +153,38 @@ def _check_files(options: argparse.Namespace) -> None:
 
 
 def write_motion(path: Path, found: Plan, robot: Robot) -> None:
-    """Write a plan as a motion file, a goal of the group's trajectory controller."""
-    controller = require_controller(robot, found.group)
+    """Write a plan as a motion file for the controller of its group.
+
+    It is a goal of a trajectory controller; one that takes positions gets them one
+    after the other.
+    """
+    if found.controller is None:
+        steps = _list_commands(found, robot)
+    else:
+        steps = [{"at": 0.0, "controller": found.controller, "goal": _goal_of(found)}]
+    text = yaml.safe_dump(steps, sort_keys=False, default_flow_style=None, width=1000)
+    with writing(path):
+        path.write_text(f"# Planned by arm-drake plan.\n{text}", encoding="utf-8")
+
+
+def _list_commands(found: Plan, robot: Robot) -> list[dict[str, Any]]:
+    """Return the steps of a controller that takes positions, in its own order."""
+    forward = find_position_controller(robot, found.group)
+    assert forward is not None
+    name, joints = forward
+    at = [found.trajectory.joint_names.index(joint) for joint in joints]
+    return [
+        {
+            "at": point.time_from_start.to_seconds(),
+            "controller": name,
+            "commands": [float(point.positions[i]) for i in at],
+        }
+        for point in found.trajectory.points
+    ]
+
+
+def _goal_of(found: Plan) -> dict[str, Any]:
+    """Return the goal of a trajectory controller."""
     points = [
         {
             "positions": list(point.positions),
@@ -155,12 +194,7 @@ def write_motion(path: Path, found: Plan, robot: Robot) -> None:
         }
         for point in found.trajectory.points
     ]
-    names = list(found.trajectory.joint_names)
-    goal = {"joint_names": names, "points": points}
-    steps = [{"at": 0.0, "controller": controller, "goal": goal}]
-    text = yaml.safe_dump(steps, sort_keys=False, default_flow_style=None, width=1000)
-    with writing(path):
-        path.write_text(f"# Planned by arm-drake plan.\n{text}", encoding="utf-8")
+    return {"joint_names": list(found.trajectory.joint_names), "points": points}
 
 
 def read_target(text: str) -> tuple[Target, tuple[bool, ...] | None]:

@@ -137,6 +137,9 @@ class CollisionModel:
         self._find_followers(robot)
         self._robot = robot
         self._things: tuple[PlacedShape, ...] = ()
+        # Links that have no padding to the world, and which needn't; None until then.
+        self.unpadded: tuple[str, ...] = ()
+        self._always_close: tuple[str, ...] | None = None
         self._radii = {
             link: _radius(plant, builder.scene_graph(), link, model)
             for link in robot.description.links
@@ -376,12 +379,47 @@ class CollisionModel:
 
     def clearance(self, path: np.ndarray, influence: float = 0.5) -> float:
         """Return the smallest distance on points of a path [m], `influence` at most."""
-        smallest = influence
+        smallest, paddings = influence, np.array(self.checker.GetPaddingMatrix())
         for x in path:
-            smallest = self._distance(self.configuration(x), smallest)
-        nearest = smallest + self._checker_padding
+            found = self.checker.CalcRobotClearance(self.configuration(x), smallest)
+            pairs = zip(found.robot_indices(), found.other_indices(), strict=True)
+            added = [paddings[int(a), int(b)] for a, b in pairs]
+            smallest = float(np.min(np.add(found.distances(), added), initial=smallest))
         around = (each.clearance(path, smallest) for each in self._around(smallest))
-        return min([nearest, *around])
+        return min([smallest, *around])
+
+    def pad(self, padding: float | None = None) -> None:
+        """Give links without padding theirs, or another one [m], to the world."""
+        padding = self._checker_padding if padding is None else padding
+        world = self._plant.world_body().index()
+        for link in self.unpadded:
+            body = BodyIndex(self._bodies[link])
+            self.checker.SetPaddingBetween(body, world, padding)
+
+    def is_free_somehow(self, x: np.ndarray) -> bool:
+        """Whether nothing collides, if need be without the padding of some links.
+
+        They are those that are always closer to the world, wherever joints are, as a
+        turntable is above its ground. Until `pad` they have no padding then.
+        """
+        if self.is_free(x):
+            return True
+        if self._always_close is None:
+            self._always_close = tuple(self._find_always_close())
+        self.unpadded = self._always_close
+        self.pad(0.0)
+        return bool(self.unpadded) and self.is_free(x)
+
+    def _find_always_close(self) -> Iterator[str]:
+        """Yield links that are closer to the world than the padding nearly always."""
+        counts = dict.fromkeys(self._bodies, 0)
+        links = {body: link for link, body in self._bodies.items()}
+        for q in self._random_configurations():
+            found = self.checker.CalcRobotClearance(q, 0.0)
+            pairs = zip(found.robot_indices(), found.other_indices(), strict=True)
+            for link in {links[int(a)] for a, b in pairs if int(b) not in links}:
+                counts[link] += 1
+        yield from (link for link, n in counts.items() if n >= _ALWAYS * _SAMPLES)
 
     def describe(self, x: np.ndarray) -> list[str]:
         """Return what collides at values of the planned joints, in words."""
@@ -408,7 +446,10 @@ class CollisionModel:
                 plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
                 for geometry in (pair.id_A, pair.id_B)
             ]
-            if matrix[int(bodies[0].index()), int(bodies[1].index())] != 0:
+            indices = [body.index() for body in bodies]
+            if matrix[tuple(map(int, indices))] != 0:
+                continue
+            if pair.distance > self.checker.GetPaddingBetween(*indices) + 1e-9:
                 continue
             names = sorted(
                 self._names[geometry.get_value()]
@@ -498,7 +539,7 @@ class CollisionModel:
         if key not in known:
             disabled = find_disabled_collisions(robot, LoadReport())
             self._leave_out(disabled)
-            known[key] = disabled | self._find_touching(robot)
+            known[key] = disabled | self._find_touching()
         self._leave_out(known[key])
 
     def _leave_out(self, pairs: Pairs) -> None:
@@ -508,14 +549,19 @@ class CollisionModel:
                 _disable(self._filters, self._bodies[one], self._bodies[two])
         self.checker.SetCollisionFilterMatrix(self._filters)
 
-    def _find_touching(self, robot: Robot) -> Pairs:
-        """Return the pairs of links that touch wherever the joints are."""
-        ranges = {r.name: r for r in joint_ranges(robot.description)}
+    def _random_configurations(self) -> Iterator[np.ndarray]:
+        """Yield configurations of the planned joints within their limits."""
+        ranges = {r.name: r for r in joint_ranges(self._robot.description)}
         low = np.array([ranges[name].lower for name in self.joints])
         high = np.array([ranges[name].upper for name in self.joints])
-        rng, counts = np.random.default_rng(0), np.zeros(self._filters.shape, dtype=int)
+        rng = np.random.default_rng(0)
         for _ in range(_SAMPLES):
-            q = self.configuration(rng.uniform(low, high))
+            yield self.configuration(rng.uniform(low, high))
+
+    def _find_touching(self) -> Pairs:
+        """Return the pairs of links that touch wherever the joints are."""
+        counts = np.zeros(self._filters.shape, dtype=int)
+        for q in self._random_configurations():
             found = self.checker.CalcRobotClearance(q, 0.0)
             pairs = set(zip(found.robot_indices(), found.other_indices(), strict=True))
             for a, b in {tuple(sorted(map(int, pair))) for pair in pairs}:
@@ -636,6 +682,8 @@ def collision_model(
         model = CollisionModel(
             robot, joints, world, padding=padding, positions=positions
         )
+    model.pad()
+    model.unpadded = ()
     model.set_positions(positions)
     model.set_things(things)
     _models[key] = model

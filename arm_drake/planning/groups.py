@@ -209,10 +209,13 @@ def find_position_controller(
     return None
 
 
-def require_controller(robot: Robot, group: PlanningGroup) -> str:
-    """Return the controller that takes plans for a group, or raise InputError."""
+def find_receiver(robot: Robot, group: PlanningGroup) -> str:
+    """Return the controller that moves a group as planned, or raise InputError."""
     controller = find_controller(robot, group)
     if controller is None:
+        forward = find_position_controller(robot, group)
+        if forward is not None:
+            return forward[0]
         names = [each.name for each in robot.controllers.controllers]
         raise InputError(
             f"no trajectory controller has exactly the joints of group "

@@ -250,7 +250,7 @@ def check_positions(
     chosen = PlanOptions(**{**options, "start": positions})
     problem = _pose_problem(find_setting(robot, chosen), chosen)
     problem.check_limits(problem.start, "goal")
-    if not problem.model.is_free(problem.start):
+    if not problem.model.is_free_somehow(problem.start):
         words = _listed(problem.model, problem.start)
         raise PlanningError(f"in collision: {words}")
 
@@ -329,6 +329,8 @@ def _warnings(problem: "_Problem", legs: Sequence["_Leg"]) -> Iterator[str]:
             f"{count:,} collision shapes of the world are within reach: what a plan "
             "takes grows with their number"
         )
+    for link in problem.model.unpadded:
+        yield f"{link!r} is always closer to the world than the padding: it has none"
     if not all(leg.keeps_effort_limits for leg in legs):
         yield "the joints' limits of effort can't be kept at the speed of the plan"
 
@@ -413,11 +415,17 @@ class _Problem(NamedTuple):
 
     def check_start(self) -> None:
         """Raise PlanningError if nothing can start here."""
+        model = self.model
         self.check_limits(self.start, "start")
-        if not self.model.is_free(self.start):
-            raise PlanningError(
-                f"the start is in collision: {_listed(self.model, self.start)}"
+        if not model.is_free_somehow(self.start):
+            words = _listed(model, self.start)
+            bodies = dict.fromkeys(self.options.attached.values())
+            words += "".join(
+                f"; ignore=[{name!r}] leaves it out until it is lifted"
+                for name in bodies
+                if repr(name) in words
             )
+            raise PlanningError(f"the start is in collision: {words}")
         if self.tilt is not None and not self.tilt.is_met(self.start):
             raise PlanningError(f"the start: {self.tilt.describe(self.start)}")
 

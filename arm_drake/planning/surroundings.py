@@ -268,7 +268,7 @@ def read_planning_scene(
         things += [
             each._replace(link=link, pose=links[link].inverse() @ each.pose)
             for each in standing
-            if each.name == name
+            if each.name == name and name not in ignored
         ]
     things += _payloads(plant, scene_graph, model, links)
     X_WB = links[robot.description.base] if robot.has_free_base else None

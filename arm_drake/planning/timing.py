@@ -57,7 +57,7 @@ _PERIOD = 0.02
 _FINE = 1e-3
 
 # Toppra exceeds limits between its grid points by some percent.
-_MARGIN, _GRID = 0.98, 100
+_MARGIN, _GRID, _FINER = 0.98, 100, 300
 
 # Part of a joint's effort beside friction that damping takes at most while
 # it moves steadily; the rest accelerates it. How much slower a motion becomes at most
@@ -473,24 +473,23 @@ def _parametrize(
 ) -> PiecewisePolynomial | None:
     """Return the curve's parameter by time; efforts keep limits if they can."""
     plant, whole = drives.plant, _of_all_joints(drives, curve)
-    breaks = np.array(curve.get_segment_times())
-    count = min(_GRID, 2 + int(breaks[-1] / (2.0 * _SMALLEST)))
-    even = np.linspace(breaks[0], breaks[-1], count)
-    grid = np.unique(np.concatenate([breaks, even]))
-    grid = grid[np.append(np.diff(grid) > _SMALLEST, True)]
-    grid[0] = breaks[0]
     most_v, most_a, most_u = np.full((3, plant.num_positions()), _UNLIMITED)
     most_v[drives.chosen], most_a[drives.chosen] = v, _MARGIN * a
     # What is weaker than its friction isn't looked at here.
     left = np.maximum(drives.limit - drives.friction, 0.0)
     most_u[drives.chosen] = np.where(left > 0.0, left, _UNLIMITED)
-    # Interpolation is exact at more points, collocation rarely fails.
-    ways = (ToppraDiscretization.kInterpolation, ToppraDiscretization.kCollocation)
+    # Interpolation is exact at more points, collocation rarely fails. Where it does, as
+    # near a sharp turn of a straight line's joints, other points or less acceleration
+    # help.
+    even = ToppraDiscretization.kCollocation
+    ways = ((ToppraDiscretization.kInterpolation, _GRID), (even, _GRID), (even, _FINER))
     with drake_messages():  # It says so when it fails.
-        for keeps, way in itertools.product((True, False), ways):
-            toppra = Toppra(whole, plant, grid)
+        for keeps, part, (way, count) in itertools.product(
+            (True, False), (1.0, 0.5), ways
+        ):
+            toppra = Toppra(whole, plant, _grid(curve, count))
             toppra.AddJointVelocityLimit(-most_v, most_v)
-            toppra.AddJointAccelerationLimit(-most_a, most_a, way)
+            toppra.AddJointAccelerationLimit(-part * most_a, part * most_a, way)
             if keeps:
                 toppra.AddJointTorqueLimit(-most_u, most_u, way)
             try:
@@ -500,6 +499,17 @@ def _parametrize(
             if times is not None:
                 return times
     return None
+
+
+def _grid(curve: PiecewisePolynomial, count: int) -> np.ndarray:
+    """Return a curve's breaks, and so many places along it, not too close."""
+    breaks = np.array(curve.get_segment_times())
+    count = min(count, 2 + int(breaks[-1] / (2.0 * _SMALLEST)))
+    even = np.linspace(breaks[0], breaks[-1], count)
+    grid = np.unique(np.concatenate([breaks, even]))
+    grid = grid[np.append(np.diff(grid) > _SMALLEST, True)]
+    grid[0] = breaks[0]
+    return grid
 
 
 def _of_all_joints(drives: _Drives, curve: PiecewisePolynomial) -> Any:

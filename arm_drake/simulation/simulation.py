@@ -44,16 +44,8 @@ from arm_drake.simulation.mailbox import (
     Rejection,
     SimulationEvent,
 )
-from arm_drake.simulation.motion import (
-    Motion,
-    PlanTo,
-    TaskOutcome,
-    default_duration,
-)
-from arm_drake.simulation.motion_files import (
-    MotionSource,
-    find_motion,
-)
+from arm_drake.simulation.motion import Motion, PlanTo, TaskOutcome, default_duration
+from arm_drake.simulation.motion_files import MotionSource, find_motion
 from arm_drake.simulation.playback import Player
 from arm_drake.simulation.recording import (
     History,
@@ -662,10 +654,12 @@ class Simulation:
         Raises:
             PlanningError: If there is no plan, or the robot moves.
             NoSolution: If a pose can't be reached.
-            SimulationError: If the controller refused or didn't finish it.
+            SimulationError: If the controller refused or didn't finish it, or the
+                robot isn't where it ends.
             InputError: If an argument can't be used, or no controller has the joints.
         """
         from arm_drake.planning.motion_planning import plan
+        from arm_drake.simulation.task_space import check_arrival
 
         name = self.directory.manager(robot).robot.name
         found = plan(self, to, name=name, **options)
@@ -679,6 +673,7 @@ class Simulation:
             raise SimulationError(f"{goal.controller}: goal {goal.describe()}{late}")
         while not self.rests(name) and self.time < end:
             self.advance_to(self.time + self.period)
+        check_arrival(self, found)
         return found
 
     def check_plan(self, message: PlanTo) -> None:
@@ -722,8 +717,8 @@ class Simulation:
             where: The place in a motion file that asks for it.
 
         Raises:
-            InputError: If no controller has exactly the group's joints, or the one that
-                takes positions isn't active.
+            InputError: If no controller has exactly the group's joints, the one that
+                takes positions isn't active, or the robot isn't where the plan begins.
         """
         from arm_drake.simulation.task_space import send_planned
 

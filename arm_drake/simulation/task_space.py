@@ -15,7 +15,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from arm_drake.description.robot import Robot
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import InputError, SimulationError, suggest
 from arm_drake.manager.loaded_controllers import ControllerState
 from arm_drake.messages import JointTrajectory, JointTrajectoryPoint, Message
 from arm_drake.messages.base import to_message
@@ -24,8 +24,8 @@ from arm_drake.planning.groups import (
     find_controller,
     find_group,
     find_position_controller,
+    find_receiver,
     find_state,
-    require_controller,
 )
 from arm_drake.planning.inverse_kinematics import NoSolution, solve_ik
 from arm_drake.planning.orientation_constraint import OrientationConstraint
@@ -46,6 +46,10 @@ _TOP_SPEED = 1.875
 
 # Time between two commands [s]; a move takes no less than the second one.
 _STEP, _SHORTEST, _LONGEST = 0.01, 0.01, 1e4
+
+# How far joints may be from where a plan begins, 0.01 in MoveIt, but here it begins
+# within limits, also where a joint is a little beyond; and from its end [rad], [m].
+_AT_START, _AT_END = 0.03, 0.1
 
 # A way along which the robot doesn't go too fast, though rounding says so.
 _ROUNDING = 1.0 + 1e-6
@@ -132,14 +136,6 @@ class Simulated(Protocol):
         """Return the controllers and their states."""
 
 
-def find_receiver(robot: Robot, group: PlanningGroup) -> str:
-    """Return the controller that moves a group as planned, or raise InputError."""
-    forward = find_position_controller(robot, group)
-    if find_controller(robot, group) is None and forward is not None:
-        return forward[0]
-    return require_controller(robot, group)
-
-
 def check_plan(robot: Robot, message: PlanTo) -> str:
     """Return the controller that takes a plan, or raise InputError if there is none."""
     group = find_group(robot, message.options.get("group"))
@@ -167,6 +163,11 @@ def send_planned(simulation: Simulated, plan: "Plan", where: str) -> GoalHandle 
     """Send a plan to the controller of its group, as Simulation.send_planned."""
     manager = simulation.directory.manager(plan.robot.name)
     name = find_receiver(manager.robot, plan.group)
+    if words := _find_away(simulation, plan, plan.start, _AT_START):
+        raise InputError(
+            f"the plan doesn't begin where the robot is: {words}; send it when the "
+            "robot is there, or plan from where it is"
+        )
     handle = simulation.controller(f"{manager.prefix}{name}")
     if find_controller(manager.robot, plan.group) is not None:
         return handle.send_goal(plan.trajectory, where=where)
@@ -175,6 +176,28 @@ def send_planned(simulation: Simulated, plan: "Plan", where: str) -> GoalHandle 
     rows = np.array([point.positions for point in points])
     _send_rows(simulation, handle, manager.robot, plan.group, times, rows)
     return None
+
+
+def check_arrival(simulation: Simulated, plan: "Plan") -> None:
+    """Raise SimulationError if a robot isn't where a plan ends."""
+    if words := _find_away(simulation, plan, plan.end, _AT_END):
+        raise SimulationError(
+            f"the plan was executed, but its end isn't reached: {words}; something may "
+            "be in the way, or heavier than the robot holds"
+        )
+
+
+def _find_away(
+    simulation: Simulated, plan: "Plan", positions: Mapping[str, float], most: float
+) -> str:
+    """Return which joint of a plan is away from positions, in words; else nothing."""
+    state = simulation.joint_states(plan.robot.name)
+    measured = dict(zip(state.name, state.position, strict=True))
+    for name in plan.group.joints:
+        if not abs(measured[name] - positions[name]) <= most:
+            where = f"is at {measured[name]:.3g}, not at {positions[name]:.3g}"
+            return f"joint {name!r} {where} [rad or m]"
+    return ""
 
 
 def _send_rows(

@@ -25,10 +25,9 @@ from arm_drake.messages import (
     SetOdometry,
     SwitchController,
 )
-from arm_drake.planning.groups import find_group
+from arm_drake.planning.groups import find_group, find_receiver
 from arm_drake.simulation.clients import is_changeable, list_parameters
 from arm_drake.simulation.simulation import Simulation
-from arm_drake.simulation.task_space import find_receiver
 from arm_drake.wire.graph import SIMULATOR, STATES, Call, Graph, Service
 from arm_drake.wire.types import to_fields
 

@@ -708,7 +708,7 @@ def test_a_key_jogs_a_joint_while_it_is_down(program: Live, screen: Screen) -> N
     screen.until(lambda: position(program, "elbow") > 0.3, "the arm moves")
     page.keyboard.up("1")
     keyboard = find_part(program.subject.parts, Keyboard)
-    screen.until(lambda: not program.ask(lambda: keyboard._held), "it is let go")
+    screen.until(lambda: not program.ask(lambda: keyboard._pressed), "it is let go")
     end = time_of(program) + 0.5
     screen.until(lambda: time_of(program) > end, "it has come to rest")
     there = position(program, "elbow")

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 import arm_drake as ad
-from arm_drake.cli import main
+from arm_drake.cli import main, parse_arguments
+from arm_drake.commands.arguments import loading_words
 
 FRAME = "link6"
 
@@ -137,3 +138,36 @@ def test_a_plan_for_joints_without_a_controller_is_no_motion(
     assert error.startswith(
         "arm-drake: no trajectory controller has exactly the joints of group 'arm', "
     )
+
+
+def test_what_plays_a_plan_loads_the_robot_as_the_plan_did() -> None:
+    words = ["robot.xacro", "side:=left", "tool:=a=b", "--controllers", "some.yaml"]
+    words += ["--controllers", "other file.yaml", "--var", "a=b=c", "--var", "d="]
+    words += ["--add-frame", "tip=link6,-1,0,0.1", "--package-path=-folder"]
+    words += ["--srdf", "a.srdf", "--distro", "humble", "--name", "arm", "--decompose"]
+    planned = parse_arguments(["plan", *words, "--to", "home"])
+
+    played = parse_arguments(["sim", *loading_words(planned)])
+
+    alike = ("robot", "xacro_args", "controllers", "package_path", "var", "decompose")
+    for name in (*alike, "add_frame", "srdf", "distro", "name"):
+        assert getattr(played, name) == getattr(planned, name)
+    assert played.package_path == ["-folder"]
+    assert played.add_frame == [("tip", "link6,-1,0,0.1")]
+
+
+@pytest.mark.slow
+def test_a_controller_of_positions_plays_a_plan(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    motion, log = str(tmp_path / "motion.yaml"), tmp_path / "log.npz"
+
+    assert main(["plan", "centauri", "--to", "joint1=0.3", "-o", motion]) == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    played = ["--motion", motion, "--headless", "--log", str(log)]
+    assert main(["sim", "centauri", *played]) == 0
+
+    assert last == f"play it: arm-drake sim centauri --motion {motion}"
+    rollout = ad.Rollout.load(log)
+    at = list(rollout.joint_names).index("joint1")
+    assert rollout.position[-1, at] == pytest.approx(0.3, abs=0.01)

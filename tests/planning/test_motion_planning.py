@@ -20,7 +20,7 @@ from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 
 import arm_drake as ad
 from arm_drake.errors import InputError
-from arm_drake.planning.collisions import CollisionModel
+from arm_drake.planning.collisions import CollisionModel, collision_model
 from arm_drake.planning.surroundings import PlacedShape, find_standing
 from arm_drake.planning.timing import motion_limits
 from arm_drake.worlds.world import add_world
@@ -651,3 +651,71 @@ def test_very_many_shapes_are_told_of(
         "2 collision shapes of the world are within reach: what a plan takes grows "
         "with their number",
     )
+
+
+# A table that turns 3 mm above the ground, and an arm on it.
+TURNTABLE = """
+<robot name="turntable">
+  <link name="base"/>
+  <link name="table">
+    <inertial><mass value="1"/>
+      <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><origin xyz="0 0 0.053"/>
+      <geometry><box size="0.3 0.3 0.1"/></geometry></collision>
+  </link>
+  <link name="arm">
+    <inertial><mass value="1"/>
+      <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><origin xyz="0.3 0 0"/>
+      <geometry><box size="0.4 0.04 0.04"/></geometry></collision>
+  </link>
+  <joint name="turn" type="revolute">
+    <parent link="base"/><child link="table"/><axis xyz="0 0 1"/>
+    <limit lower="-3" upper="3" effort="100" velocity="2"/>
+  </joint>
+  <joint name="lift" type="revolute">
+    <parent link="table"/><child link="arm"/><axis xyz="0 1 0"/>
+    <origin xyz="0 0 0.2"/>
+    <limit lower="-1.5" upper="0.5" effort="100" velocity="2"/>
+  </joint>
+</robot>
+"""
+
+
+def test_what_is_always_closer_to_the_world_has_no_padding(tmp_path: Path) -> None:
+    (tmp_path / "robot.urdf").write_text(TURNTABLE)
+    robot = ad.load_robot(tmp_path / "robot.urdf")
+
+    plan = ad.plan(robot, {"turn": 1.0})
+    with pytest.raises(ad.PlanningError) as low:
+        ad.plan(robot, {"lift": 0.3645})
+    sunk = ad.load_robot(tmp_path / "robot.urdf", pose=(0, 0, -0.004, 0, 0, 0))
+    with pytest.raises(ad.PlanningError) as below:
+        ad.plan(sunk, {"turn": 1.0})
+
+    assert plan.clearance == pytest.approx(3e-3, abs=1e-6)
+    assert plan.warnings == (
+        "'table' is always closer to the world than the padding: it has none",
+    )
+    # What may be farther away keeps its own, and nothing may overlap.
+    assert str(low.value).startswith(
+        "the goal is in collision: 'arm' and 'ground' are "
+    )
+    assert str(below.value) == (
+        "the start is in collision: 'ground' and 'table' overlap by 1 mm"
+    )
+
+
+def test_padding_is_back_for_the_next_plan(tmp_path: Path) -> None:
+    (tmp_path / "robot.urdf").write_text(TURNTABLE)
+    robot = ad.load_robot(tmp_path / "robot.urdf")
+    around = {"padding": 0.005, "positions": robot.initial_positions}
+
+    models = []
+    for _ in range(2):
+        models.append(collision_model(robot, ("turn", "lift"), "empty", **around))
+        assert not models[-1].is_free(np.zeros(2))
+        assert models[-1].is_free_somehow(np.zeros(2))
+        assert models[-1].is_free(np.zeros(2))
+
+    assert models[0] is models[1]

@@ -13,8 +13,9 @@ from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
 
 import arm_drake as ad
-from arm_drake.errors import MotionError, SimulationError
+from arm_drake.errors import InputError, MotionError, SimulationError
 from arm_drake.simulation.motion_files import parse_motion
+from arm_drake.simulation.task_space import check_arrival
 from arm_drake.worlds.world import add_world
 
 START = {"joint1": -1.0, "joint2": 0.9, "joint3": 0.8}
@@ -132,6 +133,24 @@ def test_a_body_that_is_held_moves_along(simulation: ad.Simulation) -> None:
 
 
 @pytest.mark.slow
+def test_a_body_that_stands_on_something_is_lifted_when_it_is_ignored(
+    simulation: ad.Simulation,
+) -> None:
+    put_crate(simulation, [1.2, -1.6, 0.4 - 1e-7])
+    attached = {"link6": "crate"}
+
+    with pytest.raises(ad.PlanningError) as caught:
+        ad.plan(simulation, {"joint2": 0.8}, attached=attached)
+    lift = ad.plan(simulation, {"joint2": 0.8}, attached=attached, ignore=["crate"])
+
+    assert "'crate' and 'ground' overlap" in str(caught.value)
+    assert str(caught.value).endswith(
+        "; ignore=['crate'] leaves it out until it is lifted"
+    )
+    assert lift.end["joint2"] == 0.8
+
+
+@pytest.mark.slow
 def test_heavier_things_are_moved_within_the_limits_of_effort(
     simulation: ad.Simulation,
 ) -> None:
@@ -174,6 +193,46 @@ def test_a_robot_that_moves_is_not_planned_for(simulation: ad.Simulation) -> Non
         caught.value
     )
     assert ad.plan(simulation, "home", start=plan.end).end["joint1"] == -1.0
+
+
+@pytest.mark.slow
+def test_a_plan_is_sent_only_where_it_begins(simulation: ad.Simulation) -> None:
+    elsewhere = {**START, "joint1": 1.0}
+    plan = ad.plan(simulation, {"joint1": 1.2}, start=elsewhere)
+
+    with pytest.raises(InputError) as caught:
+        simulation.send_planned(plan)
+    with pytest.raises(InputError):
+        simulation.move_to({"joint1": 1.2}, start=elsewhere)
+
+    assert str(caught.value).startswith(
+        "the plan doesn't begin where the robot is: joint 'joint1' is at -1, not at 1 "
+    )
+    assert not simulation.goals
+
+
+@pytest.mark.slow
+def test_an_end_that_is_not_reached_is_raised() -> None:
+    def with_a_wall(plant: MultibodyPlant) -> None:
+        add_world(plant, "empty")
+        friction = CoulombFriction(1.0, 1.0)
+        X, box = RigidTransform([0.7, 0.0, 0.4]), Box(*SIZE)
+        body = plant.world_body()
+        plant.RegisterCollisionGeometry(body, X, box, "wall", friction)
+
+    # What a plan knows of doesn't stop it; here its model hasn't the wall.
+    robot = ad.load_robot("doosan_a0912", initial_positions=START)
+    simulation = ad.Simulation(ad.build_diagram(robot, world=with_a_wall))
+    plan = ad.plan(robot, {"joint1": 1.2}, start=START)
+    simulation.send_planned(plan)
+    simulation.run(plan.duration + 1.0)
+
+    assert simulation.goals[-1].status is ad.GoalStatus.SUCCEEDED
+    with pytest.raises(SimulationError) as caught:
+        check_arrival(simulation, plan)
+    assert str(caught.value).startswith(
+        "the plan was executed, but its end isn't reached: joint 'joint1' is at "
+    )
 
 
 @pytest.mark.slow

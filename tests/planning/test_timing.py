@@ -11,7 +11,9 @@ from scipy.interpolate import BPoly
 
 import arm_drake as ad
 from arm_drake.errors import InputError
+from arm_drake.planning.timing import motion_limits
 from tests.planning.test_motion_planning import END, START, with_a_post
+from tests.robots import load_real_robot
 
 JERK, ACCELERATION = 20.0, 4.0
 
@@ -261,3 +263,23 @@ def test_what_is_attached_is_by_link() -> None:
 
     with pytest.raises(InputError, match="attached: expected what is held by the link"):
         ad.plan(robot, {"joint1": 0.1}, attached=None)
+
+
+@pytest.mark.slow
+def test_a_line_whose_joints_turn_sharply_has_times() -> None:
+    # Toppra finds none at the places along it that are taken first.
+    robot = load_real_robot("dobot_cr5")
+    ends = [[0.315, y, 0.35, 3.14, 0.0, 0.0] for y in (-0.36, 0.36)]
+    start = robot.solve_ik("Link6", ends[0], collision_free=True).positions
+
+    plan = ad.plan(robot, ends[1], start=start, straight=True)
+
+    X = robot.forward_kinematics(plan.end, "Link6")
+    assert X.translation() == pytest.approx(ends[1][:3], abs=1e-4)
+    limits = motion_limits(robot)
+    for point in plan.trajectory.points:
+        for name, v, a in zip(
+            plan.group.joints, point.velocities, point.accelerations, strict=True
+        ):
+            assert abs(v) <= limits[name].velocity * (1.0 + 1e-9)
+            assert abs(a) <= limits[name].acceleration * (1.0 + 1e-9)
