@@ -6,17 +6,24 @@ controllers, each a group of its name: a robot without an SRDF has groups, too.
 
 import dataclasses as dc
 import weakref
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from numbers import Real
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from arm_drake import yaml_files
 from arm_drake.description.controllers import ControllerConfig
 from arm_drake.description.joints import joints_above, last_master
 from arm_drake.description.robot import Robot
 from arm_drake.description.srdf import find_group_states, find_groups, find_srdf_files
-from arm_drake.errors import InputError, quoted, suggest
+from arm_drake.errors import InputError, check_type, quoted, suggest
 from arm_drake.plant.joint_ranges import center, find_gripper_joints, joint_ranges
+
+# All of a pose counts: x, y, z of the world, turns about x, y, z of the frame.
+WHOLE_POSE = (True,) * 6
+POSITION = (True, True, True, False, False, False)
 
 # The groups where there is neither an SRDF nor a trajectory controller.
 ARM, GRIPPER = "arm", "gripper"
@@ -73,6 +80,7 @@ def planning_groups(robot: Robot) -> dict[str, PlanningGroup]:
 
     Those without a gripper's joints come first, then those with most joints.
     """
+    check_type("robot", robot, Robot, "a Robot, as load_robot returns it")
     # Looking for SRDF files takes longer than most plans.
     if robot not in _groups:
         _groups[robot] = _find_groups(robot)
@@ -201,7 +209,8 @@ def find_group(robot: Robot, group: str | Collection[str] | None) -> PlanningGro
 
     InputError if there is no such group or joint, or no joint at all.
     """
-    if group is not None and not isinstance(group, Collection):
+    is_list = isinstance(group, Collection) and all(isinstance(n, str) for n in group)
+    if group is not None and not is_list:
         raise InputError(f"group: expected its name or its joints, got {group!r}")
     if group is not None and not isinstance(group, str):
         names = tuple(dict.fromkeys(group))
@@ -217,6 +226,27 @@ def find_group(robot: Robot, group: str | Collection[str] | None) -> PlanningGro
     if group not in groups:
         raise InputError(f"no planning group {group!r}; {suggest(group, groups)}")
     return groups[group]
+
+
+def find_mask(
+    group: PlanningGroup | None, mask: Sequence[bool] | None
+) -> Sequence[bool]:
+    """Return what of a pose counts for a group, unless it is said.
+
+    InputError if what is said isn't six flags.
+    """
+    if mask is None:
+        is_position_only = group is not None and group.is_position_only
+        return POSITION if is_position_only else WHOLE_POSE
+    is_list = isinstance(mask, Iterable) and not isinstance(mask, str)
+    shown: Any = list(mask) if is_list else mask
+    flags = [isinstance(flag, Real | np.bool_) for flag in shown] if is_list else []
+    if len(flags) == 6 and all(flags) and any(shown):
+        return list(map(bool, shown))
+    raise InputError(
+        "mask: expected six flags, for x, y, z and turns about x, y, z, with one that "
+        f"is set; got {shown!r}"
+    )
 
 
 def find_state(group: PlanningGroup, name: str) -> Mapping[str, float]:
