@@ -7,7 +7,7 @@ with the parts that are known.
 import difflib
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 # So many names that exist are listed in a message.
 _MAX_NAMES = 30
@@ -104,6 +104,12 @@ class MissingExtraError(ArmDrakeError, ImportError):
             extra: Name of the extra that installs it.
         """
         super().__init__(f"{feature} needs `pip install 'arm-drake[{extra}]'`")
+
+
+def check_type(name: str, value: object, kind: Any, expected: str) -> None:
+    """Raise InputError unless an argument is of a kind, one that isinstance takes."""
+    if not isinstance(value, kind):
+        raise InputError(f"{name}: expected {expected}, got {value!r}")
 
 
 def quoted(names: Iterable[str]) -> str:

@@ -18,11 +18,12 @@ from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
 from arm_drake.output_files import check_suffix, check_writable, writing
 from arm_drake.planning.groups import (
+    WHOLE_POSE,
     find_group,
     find_position_controller,
     find_receiver,
 )
-from arm_drake.planning.inverse_kinematics import WHOLE_POSE, solve_ik
+from arm_drake.planning.inverse_kinematics import solve_ik
 from arm_drake.planning.motion_planning import Plan, Target, plan
 from arm_drake.planning.orientation_constraint import OrientationConstraint
 from arm_drake.visualization.plot import check_plot_path
@@ -245,5 +246,7 @@ def read_positions(option: str, words: Sequence[tuple[str, str]]) -> dict[str, f
         value = parse_float(text)
         if value is None:
             raise InputError(f"{option} {joint}={text}: expected a number [rad or m]")
+        if joint in positions:
+            raise InputError(f"{option} {joint}={text}: joint {joint!r} is named twice")
         positions[joint] = value
     return positions

@@ -7,10 +7,14 @@ from pathlib import Path
 
 from arm_drake.description.elements import parse_number
 from arm_drake.description.joints import joints_above
-from arm_drake.description.report import LoadReport
+from arm_drake.description.report import LoadReport, Severity
 from arm_drake.description.robot import Robot
+from arm_drake.errors import quoted
 
 Pairs = frozenset[tuple[str, str]]
+
+# What becomes of what can't be used.
+_LEFT_OUT = "it is left out"
 
 
 @dc.dataclass(frozen=True)
@@ -46,19 +50,25 @@ class GroupInfo:
     is_end_effector: bool = False
 
 
-def find_groups(robot: Robot) -> tuple[GroupInfo, ...]:
+def find_groups(robot: Robot, report: LoadReport) -> tuple[GroupInfo, ...]:
     """Return the groups with a joint that moves, in the order of the files.
 
     A group is made of joints, of links (the joints that hold them), of chains and of
     other groups, without passive joints. Of groups with one name the first counts.
+    The report says what of them can't be used.
     """
     groups: dict[str, GroupInfo] = {}
-    for _, root in _roots(robot, LoadReport()):
+    for path, root in _roots(robot, LoadReport()):
         elements = {e.get("name", ""): e for e in reversed(root.findall("group"))}
         passive = {e.get("name") for e in root.iter("passive_joint")}
         effectors = {e.get("group") for e in root.iter("end_effector")}
         for name in reversed(elements):
-            named, tip = _members(robot, elements, name, ())
+            where, problems = f"group {name!r}", list[str]()
+            named, tip = _members(robot, root, (name,), problems)
+            for what in problems:
+                report.add(
+                    "warning", "invalid", what, _LEFT_OUT, where=where, file=path
+                )
             joints = tuple(
                 joint.name
                 for joint in robot.description.movable_joints
@@ -66,33 +76,59 @@ def find_groups(robot: Robot) -> tuple[GroupInfo, ...]:
             )
             if joints and name not in groups:
                 groups[name] = GroupInfo(name, joints, tip, name in effectors)
+            elif not joints:
+                what = "no joint of it moves by itself"
+                done = "it can't be planned for"
+                # It may be the links of a tool.
+                is_whole = len(elements[name]) > 0 and not problems
+                severity: Severity = "info" if is_whole else "warning"
+                report.add(severity, "ignored", what, done, where=where, file=path)
     return tuple(groups.values())
 
 
 def _members(
-    robot: Robot, groups: Mapping[str, ET.Element], name: str, outer: tuple[str, ...]
+    robot: Robot, root: ET.Element, names: tuple[str, ...], problems: list[str]
 ) -> tuple[set[str], str | None]:
-    """Return the joints of a group, and the end of its last chain."""
-    joints = robot.description.joints
+    """Return the joints of the last of groups in each other, and its last chain's end.
+
+    Problems are those of the first.
+    """
+    joints, links = robot.description.joints, robot.description.links
+    groups = {e.get("name", ""): e for e in reversed(root.findall("group"))}
     holders = {joint.child: joint.name for joint in joints}
+    known = {*holders.values(), *(e.get("name") for e in root.iter("virtual_joint"))}
     found: set[str] = set()
+    unknown: dict[str, list[str]] = {}
+    own: list[str] = []
     tip = None
-    for element in groups[name]:
+    for element in groups[names[-1]]:
         other = element.get("name", "")
-        if element.tag == "joint":
+        if element.tag == "joint" and other in known:
             found.add(other)
-        elif element.tag == "link" and other in holders:
-            found.add(holders[other])
+        elif element.tag == "link" and other in links:
+            found |= {holders[other]} if other in holders else set()
         elif element.tag == "chain":
-            end = element.get("tip_link", "")
+            base, end = element.get("base_link", ""), element.get("tip_link", "")
             above = joints_above(joints, end)
             parents = [joint.parent for joint in above]
-            if (base := element.get("base_link", "")) in (end, *parents):
+            if missing := [link for link in (base, end) if link not in links]:
+                unknown.setdefault("link", []).extend(missing)
+            elif base in (end, *parents):
                 count = 0 if base == end else parents.index(base) + 1
                 found |= {joint.name for joint in above[:count]}
                 tip = end
-        elif element.tag == "group" and other in groups and other not in (*outer, name):
-            found |= _members(robot, groups, other, (*outer, name))[0]
+            else:
+                own.append(f"link {base!r} doesn't carry link {end!r}")
+        elif element.tag == "group" and other in names:
+            if other == names[0]:
+                problems.append("it is part of itself")
+        elif element.tag == "group" and other in groups:
+            found |= _members(robot, root, (*names, other), problems)[0]
+        elif element.tag in ("joint", "link", "group"):
+            unknown.setdefault(element.tag, []).append(other)
+    for kind, missing in unknown.items():
+        own.append(f"there is no {kind} {quoted(dict.fromkeys(missing))}")
+    problems += own if len(names) == 1 else ()
     return found, tip
 
 
@@ -116,23 +152,41 @@ def find_disabled_collisions(robot: Robot, report: LoadReport) -> Pairs:
     return frozenset(set.intersection(*found) if found else ())
 
 
-def find_group_states(robot: Robot) -> tuple[GroupState, ...]:
+def find_group_states(
+    robot: Robot, report: LoadReport | None = None
+) -> tuple[GroupState, ...]:
     """Return the named states of groups of joints, in the order of the files.
 
     Of states of one group with the same name, and of positions of one joint, the first
     counts. Joints that the robot doesn't have, that follow others or that have several
-    degrees of freedom are left out.
+    degrees of freedom are left out. The report says what can't be used at all.
     """
     joints = {j.name for j in robot.description.movable_joints if j.mimic is None}
+    known = {joint.name for joint in robot.description.joints}
+    report = LoadReport() if report is None else report
     states: dict[tuple[str, str], GroupState] = {}
-    for _, root in _roots(robot, LoadReport()):
+    for path, root in _roots(robot, LoadReport()):
+        virtual = {e.get("name") for e in root.iter("virtual_joint")}
         for element in root.iter("group_state"):
             group, name = element.get("group", ""), element.get("name", "")
             positions: dict[str, float] = {}
+            problems, unknown = list[str](), list[str]()
             for joint in element.iter("joint"):
-                value = parse_number(joint.get("value", ""))
-                if value is not None and joint.get("name") in joints:
-                    positions.setdefault(joint.get("name", ""), value)
+                other, text = joint.get("name", ""), joint.get("value", "")
+                value = parse_number(text)
+                if value is not None and other in joints:
+                    positions.setdefault(other, value)
+                elif other in joints:
+                    problems.append(f"joint {other!r}: expected a number, got {text!r}")
+                elif other not in known | virtual:
+                    unknown.append(other)
+            if unknown:
+                problems.append(f"there is no joint {quoted(unknown)}")
+            where = f"state {name!r} of group {group!r}"
+            for what in problems:
+                report.add(
+                    "warning", "invalid", what, _LEFT_OUT, where=where, file=path
+                )
             if positions:
                 states.setdefault((group, name), GroupState(group, name, positions))
     return tuple(states.values())

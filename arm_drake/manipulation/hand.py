@@ -31,8 +31,8 @@ from arm_drake.planning.grasps import (
     find_grasps,
 )
 from arm_drake.planning.grippers import Gripper, find_gripper
+from arm_drake.planning.groups import WHOLE_POSE
 from arm_drake.planning.inverse_kinematics import (
-    WHOLE_POSE,
     NoSolution,
     find_reach,
     forward_kinematics,

@@ -6,22 +6,37 @@ controllers, each a group of its name: a robot without an SRDF has groups, too.
 
 import dataclasses as dc
 import weakref
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from numbers import Real
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from arm_drake import yaml_files
 from arm_drake.description.controllers import ControllerConfig
 from arm_drake.description.joints import joints_above, last_master
 from arm_drake.description.robot import Robot
 from arm_drake.description.srdf import find_group_states, find_groups, find_srdf_files
-from arm_drake.errors import InputError, quoted, suggest
+from arm_drake.errors import InputError, check_type, quoted, suggest
 from arm_drake.plant.joint_ranges import center, find_gripper_joints, joint_ranges
+
+# All of a pose counts: x, y, z of the world, turns about x, y, z of the frame.
+WHOLE_POSE = (True,) * 6
+POSITION = (True, True, True, False, False, False)
 
 # The groups where there is neither an SRDF nor a trajectory controller.
 ARM, GRIPPER = "arm", "gripper"
 
 _KINEMATICS_FILE = "kinematics.yaml"
+
+# Levels above what such a file says, where it is one of parameters.
+_LEVELS = (
+    "/**",
+    "ros__parameters",
+    "robot_description_kinematics",
+    "robot_description_planning",
+)
 
 # What of a group's parameters there has an effect.
 _POSITION_ONLY = "position_only_ik"
@@ -41,7 +56,7 @@ class PlanningGroup:
     # The link that a pose is for unless another one is named.
     tip: str
 
-    # Positions with a name [rad] or [m], by joint.
+    # Positions with a name [rad] or [m], by joint; joints that are left out stay.
     states: Mapping[str, Mapping[str, float]]
 
     # Whether the `kinematics.yaml` beside the SRDF has `position_only_ik` for it: what
@@ -65,6 +80,7 @@ def planning_groups(robot: Robot) -> dict[str, PlanningGroup]:
 
     Those without a gripper's joints come first, then those with most joints.
     """
+    check_type("robot", robot, Robot, "a Robot, as load_robot returns it")
     # Looking for SRDF files takes longer than most plans.
     if robot not in _groups:
         _groups[robot] = _find_groups(robot)
@@ -76,7 +92,7 @@ def _find_groups(robot: Robot) -> dict[str, PlanningGroup]:
     own = {name for name, joint in joints.items() if joint.mimic is None}
     groups: dict[str, tuple[tuple[str, ...], str | None]] = {}
     grippers = {joint.name for joint in find_gripper_joints(robot)}
-    for group in find_groups(robot):
+    for group in find_groups(robot, robot.report):
         groups[group.name] = group.joints, group.tip
         grippers |= set(group.joints if group.is_end_effector else ())
     for controller in robot.controllers.controllers:
@@ -92,7 +108,7 @@ def _find_groups(robot: Robot) -> dict[str, PlanningGroup]:
         for label, members in ((ARM, own - grippers), (GRIPPER, own & grippers)):
             if members:
                 groups[label] = tuple(n for n in joints if n in members), None
-    position_only = _find_position_only(robot)
+    position_only = _find_position_only(robot, groups)
     found = {
         name: PlanningGroup(
             name,
@@ -110,25 +126,50 @@ def _find_groups(robot: Robot) -> dict[str, PlanningGroup]:
     return {name: found[name] for name in sorted(found, key=rank)}
 
 
-def _find_position_only(robot: Robot) -> set[str]:
+def _find_position_only(robot: Robot, groups: Collection[str]) -> set[str]:
     """Return the groups for which a `kinematics.yaml` has `position_only_ik`.
 
     Other parameters are those of MoveIt's solvers: they are reported.
     """
     found = set()
     for file, content in read_moveit_files(robot, _KINEMATICS_FILE):
-        for name, row in content.items():
-            if not isinstance(row, dict):
-                continue
-            if row.get(_POSITION_ONLY) is True:
-                found.add(str(name))
-            report_ignored(
-                robot,
-                file,
-                f"group {name!r}",
-                [key for key in row if key != _POSITION_ONLY],
-            )
+        for name, row in read_rows(robot, file, "group", content, groups):
+            where, flag = f"group {name!r}", row.get(_POSITION_ONLY, False)
+            if flag is True:
+                found.add(name)
+            elif flag is not False:
+                what = f"{_POSITION_ONLY}: expected true or false, got {flag!r}"
+                report_invalid(robot, file, where, what)
+            ignored = [key for key in row if key != _POSITION_ONLY]
+            report_ignored(robot, file, where, ignored)
     return found
+
+
+def read_rows(
+    robot: Robot, file: Path, kind: str, content: Any, known: Collection[str]
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield what one of MoveIt's files says of each joint or group, by name.
+
+    What can't be used is reported.
+    """
+    if not isinstance(content, dict | None):
+        report_invalid(robot, file, "", f"expected a mapping by {kind}")
+        return
+    for name, row in (content or {}).items():
+        where = f"{kind} {name!r}"
+        if str(name) not in known:
+            what = f"there is no such {kind} that moves"
+            report_invalid(robot, file, where, what)
+        elif not isinstance(row, dict):
+            report_invalid(robot, file, where, f"expected a mapping, got {row!r}")
+        else:
+            yield str(name), row
+
+
+def report_invalid(robot: Robot, file: Path, where: str, what: str) -> None:
+    """Say in a robot's load report what of MoveIt's files can't be used."""
+    done = "it has no effect on plans"
+    robot.report.add("warning", "invalid", what, done, where=where, file=file)
 
 
 def report_ignored(
@@ -154,8 +195,13 @@ def read_moveit_files(robot: Robot, name: str) -> Iterator[tuple[Path, dict[str,
             content = yaml_files.load(path)
         except yaml_files.YamlError as error:
             raise InputError(error.problem, file=path, line=error.line) from None
+        for level in _LEVELS:
+            if isinstance(content, dict):
+                content = content.get(level, content)
         if isinstance(content, dict):
             yield path, content
+        elif content is not None:
+            report_invalid(robot, path, "", "expected a mapping")
 
 
 def find_group(robot: Robot, group: str | Collection[str] | None) -> PlanningGroup:
@@ -163,7 +209,8 @@ def find_group(robot: Robot, group: str | Collection[str] | None) -> PlanningGro
 
     InputError if there is no such group or joint, or no joint at all.
     """
-    if group is not None and not isinstance(group, Collection):
+    is_list = isinstance(group, Collection) and all(isinstance(n, str) for n in group)
+    if group is not None and not is_list:
         raise InputError(f"group: expected its name or its joints, got {group!r}")
     if group is not None and not isinstance(group, str):
         names = tuple(dict.fromkeys(group))
@@ -179,6 +226,27 @@ def find_group(robot: Robot, group: str | Collection[str] | None) -> PlanningGro
     if group not in groups:
         raise InputError(f"no planning group {group!r}; {suggest(group, groups)}")
     return groups[group]
+
+
+def find_mask(
+    group: PlanningGroup | None, mask: Sequence[bool] | None
+) -> Sequence[bool]:
+    """Return what of a pose counts for a group, unless it is said.
+
+    InputError if what is said isn't six flags.
+    """
+    if mask is None:
+        is_position_only = group is not None and group.is_position_only
+        return POSITION if is_position_only else WHOLE_POSE
+    is_list = isinstance(mask, Iterable) and not isinstance(mask, str)
+    shown: Any = list(mask) if is_list else mask
+    flags = [isinstance(flag, Real | np.bool_) for flag in shown] if is_list else []
+    if len(flags) == 6 and all(flags) and any(shown):
+        return list(map(bool, shown))
+    raise InputError(
+        "mask: expected six flags, for x, y, z and turns about x, y, z, with one that "
+        f"is set; got {shown!r}"
+    )
 
 
 def find_state(group: PlanningGroup, name: str) -> Mapping[str, float]:
@@ -268,11 +336,15 @@ def _tip(robot: Robot, names: Sequence[str]) -> str:
 def _states(
     robot: Robot, group: str, names: Collection[str]
 ) -> dict[str, Mapping[str, float]]:
-    """Return the named states for a group's joints; its own before those of others."""
+    """Return the named states for a group's joints; its own before those of others.
+
+    Its own may be for some of its joints: the others stay where they are.
+    """
     states: dict[str, Mapping[str, float]] = {}
-    for state in sorted(find_group_states(robot), key=lambda s: s.group != group):
+    found = find_group_states(robot, robot.report)
+    for state in sorted(found, key=lambda s: s.group != group):
         positions = {n: v for n, v in state.positions.items() if n in names}
-        if set(positions) == set(names):
+        if set(positions) == set(names) or (positions and state.group == group):
             states.setdefault(state.name, positions)
     middle = center(joint_ranges(robot.description))
     initial = robot.initial_positions

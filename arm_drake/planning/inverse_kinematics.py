@@ -17,10 +17,18 @@ from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import JacobianWrtVariable
 
+from arm_drake.arrays import is_number
 from arm_drake.description.joints import joints_above, last_master
 from arm_drake.description.robot import Robot
-from arm_drake.errors import ArmDrakeError, InputError, counted, quoted, suggest
-from arm_drake.planning.groups import PlanningGroup, find_group
+from arm_drake.errors import (
+    ArmDrakeError,
+    InputError,
+    check_type,
+    counted,
+    quoted,
+    suggest,
+)
+from arm_drake.planning.groups import find_group, find_mask
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.plant import read_pose, trial_plant
 from arm_drake.plant.screws import (
@@ -32,10 +40,6 @@ from arm_drake.plant.screws import (
 
 # What a solution may miss the pose by [m] and [rad].
 TOLERANCE = (1e-5, 1e-4)
-
-# All of a pose counts: x, y, z of the world, turns about x, y, z of the frame.
-WHOLE_POSE = (True,) * 6
-POSITION = (True, True, True, False, False, False)
 
 # Random poses to start from, and how many tries there are before there is none.
 _TABLE, _TRIES = 4000, 100
@@ -177,7 +181,7 @@ def solve_ik(
     chosen = None if group is None else find_group(robot, group)
     target = _Target.of(read_pose(pose), find_mask(chosen, mask), tolerance)
     chain = kinematics.chain(frame, None if chosen is None else chosen.joints)
-    q = kinematics.complete(seed or {})
+    q = kinematics.complete({} if seed is None else seed, "seed")
     is_free = _self_check(robot, chain, q) if collision_free else None
     tries = _ALL_TRIES if all_solutions else _TRIES
     if target.is_beyond(kinematics.place_of(q, chain.base), chain.reach):
@@ -194,16 +198,6 @@ def solve_ik(
         orientation_error=first.end.orientation_error,
         others=tuple(positions[1:]),
     )
-
-
-def find_mask(
-    group: PlanningGroup | None, mask: Sequence[bool] | None
-) -> Sequence[bool]:
-    """Return what of a pose counts for a group unless it is said."""
-    if mask is not None:
-        return mask
-    is_position_only = group is not None and group.is_position_only
-    return POSITION if is_position_only else WHOLE_POSE
 
 
 def complete_positions(
@@ -320,20 +314,13 @@ class _Target(NamedTuple):
     def of(
         pose: RigidTransform, mask: Sequence[bool], tolerance: tuple[float, float]
     ) -> "_Target":
-        """Return it, or raise InputError."""
-        shown = list(mask) if isinstance(mask, Iterable) else mask
-        rows = [bool(flag) for flag in shown] if isinstance(shown, list) else []
-        if len(rows) != 6 or not any(rows):
-            raise InputError(
-                "mask: expected six flags, for x, y, z and turns about x, y, z, with "
-                f"one that is set; got {shown!r}"
-            )
+        """Return it, or raise InputError for a tolerance that is none."""
         _check_tolerance(tolerance)
-        free = [axis for axis in range(3) if not rows[3 + axis]]
+        free = [axis for axis in range(3) if not mask[3 + axis]]
         return _Target(
             np.array(pose.rotation().matrix()),
             np.array(pose.translation()),
-            np.flatnonzero(rows),
+            np.flatnonzero(mask),
             free[0] if len(free) == 1 else None,
             tolerance,
         )
@@ -372,7 +359,7 @@ class _Target(NamedTuple):
 def _check_tolerance(tolerance: object) -> None:
     """Raise InputError unless it is two positive numbers."""
     values = list(tolerance) if isinstance(tolerance, Iterable) else []
-    are_valid = [isinstance(t, int | float) and 0.0 < t < math.inf for t in values]
+    are_valid = [is_number(t) and 0.0 < t < math.inf for t in values]
     if len(values) != 2 or not all(are_valid):
         expected = "tolerance: expected two positive numbers [m] and [rad]"
         raise InputError(f"{expected}, got {values or tolerance!r}")
@@ -652,18 +639,20 @@ class _Kinematics:
     def check_frame(self, frame: str) -> None:
         """Raise InputError if there is no such link."""
         links = self._description.links
-        if not isinstance(frame, str):
-            raise InputError(f"frame: expected a link's name, got {frame!r}")
+        check_type("frame", frame, str, "a link's name")
         if frame not in links:
             raise InputError(f"no link {frame!r}; {suggest(frame, links)}")
 
-    def complete(self, positions: Mapping[str, float]) -> np.ndarray:
+    def complete(
+        self, positions: Mapping[str, float], argument: str = "positions"
+    ) -> np.ndarray:
         """Return the plant's positions, or raise InputError."""
+        check_type(argument, positions, Mapping, "joint positions by name")
         q = np.zeros(self._plant.num_positions())
         for name, value in positions.items():
             if name not in self.at:
                 raise InputError(f"no joint {name!r}; {suggest(name, self.at)}")
-            if not (isinstance(value, int | float) and math.isfinite(value)):
+            if not (is_number(value) and math.isfinite(value)):
                 problem = f"expected a finite number [rad or m], got {value!r}"
                 raise InputError(f"joint {name!r}: {problem}")
         for name, (master, factor, offset) in self._masters.items():
@@ -753,6 +742,7 @@ _known: "weakref.WeakKeyDictionary[Robot, _Kinematics]" = weakref.WeakKeyDiction
 
 
 def _kinematics_of(robot: Robot) -> _Kinematics:
+    check_type("robot", robot, Robot, "a Robot, as load_robot returns it")
     kinematics = _known.get(robot)
     if kinematics is None:
         kinematics = _known[robot] = _Kinematics(robot)

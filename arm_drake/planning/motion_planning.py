@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 from pydrake.math import RigidTransform
 
+from arm_drake.arrays import is_number
 from arm_drake.description.robot import Robot
 from arm_drake.errors import (
     InputError,
@@ -34,11 +35,11 @@ from arm_drake.planning.groups import (
     PlanningGroup,
     find_controller,
     find_group,
+    find_mask,
     find_state,
 )
 from arm_drake.planning.inverse_kinematics import (
     complete_positions,
-    find_mask,
     follow_line,
     forward_kinematics,
     pose_error,
@@ -548,6 +549,8 @@ def _find_positions(
     """Return the joint positions of a state, or those given in place of the start's."""
     joints = problem.group.joints
     positions = find_state(problem.group, target) if isinstance(target, str) else target
+    if not positions:
+        raise InputError("to: expected the position of a joint at least, got {}")
     x = start.copy()
     for name, value in positions.items():
         if name not in joints:
@@ -555,7 +558,7 @@ def _find_positions(
                 f"to: joint {name!r} is not of group {problem.group.name!r}, which "
                 f"has {', '.join(joints)}"
             )
-        if not (isinstance(value, int | float) and math.isfinite(value)):
+        if not (is_number(value) and math.isfinite(value)):
             raise InputError(
                 f"to: joint {name!r}: expected a finite number, got {value!r}"
             )
@@ -655,7 +658,7 @@ def _find_path(
         step=step,
         is_over=is_over,
         is_timed=deadline is not None,
-        seed=1 + problem.options.seed + 7919 * number,
+        seed=1 + int(problem.options.seed) + 7919 * number,
         tilt=None if problem.tilt is None else problem.tilt.widened([start, *goals]),
     )
     if way is None and should_stop is not None and should_stop():

@@ -2,16 +2,18 @@
 
 import dataclasses as dc
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import NamedTuple, Protocol
+from collections.abc import Callable, Collection, Mapping, Sequence, Set
+from numbers import Integral, Real
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import Context, Diagram
 
 from arm_drake.description.robot import Robot
-from arm_drake.errors import ArmDrakeError, InputError, suggest
+from arm_drake.errors import ArmDrakeError, InputError, check_type, suggest
 from arm_drake.messages import JointState
+from arm_drake.planning.groups import find_mask
 from arm_drake.planning.inverse_kinematics import complete_positions
 from arm_drake.planning.orientation_constraint import OrientationConstraint
 from arm_drake.planning.surroundings import PlacedShape, read_planning_scene
@@ -24,6 +26,23 @@ _REST = 0.02
 
 # How far beyond a limit a joint of a simulation may be [rad], [m].
 _BEYOND = 0.02
+
+
+# What options may be, for `isinstance`, and how that is called.
+_KINDS: Mapping[str, tuple[Any, str]] = {
+    "name": (str | None, "a robot's name"),
+    "frame": (str | None, "a link's name"),
+    "start": (Mapping | None, "joint positions by name"),
+    "attached": (Mapping, "what is held by the link"),
+    "ignore": ((list, tuple, Set), "names of bodies"),
+    "straight": (bool | np.bool_, "True or False"),
+    "path_constraint": (OrientationConstraint | None, "an OrientationConstraint"),
+    "velocity_scaling": (Real | None, "a number"),
+    "acceleration_scaling": (Real | None, "a number"),
+    "padding": (Real, "a number"),
+    "time_limit": (Real | None, "a number"),
+    "should_stop": (Callable | None, "a function"),
+}
 
 
 class PlanningError(ArmDrakeError):
@@ -115,15 +134,14 @@ class PlanOptions:
 
     def __post_init__(self) -> None:
         """Raise InputError for what can't be."""
-        scalings = "velocity_scaling", "acceleration_scaling"
-        present = [name for name in scalings if getattr(self, name) is not None]
-        for name in (*present, "padding"):
+        for name, (kind, expected) in _KINDS.items():
+            check_type(name, getattr(self, name), kind, expected)
+        for name in self.ignore:
+            check_type("ignore", name, str, "names of bodies")
+        find_mask(None, self.mask)
+        for name in ("velocity_scaling", "acceleration_scaling"):
             value = getattr(self, name)
-            if not isinstance(value, int | float):
-                raise InputError(f"{name}: expected a number, got {value!r}")
-        for name in present:
-            value = getattr(self, name)
-            if not 0.0 < value <= 1.0:
+            if value is not None and not 0.0 < value <= 1.0:
                 raise InputError(
                     f"{name}: expected a number above 0, at most 1; {value}"
                 )
@@ -131,17 +149,11 @@ class PlanOptions:
             expected = "expected a distance of at least 0 m"
             raise InputError(f"padding: {expected}, got {self.padding}")
         limit = self.time_limit
-        if not isinstance(limit, int | float | None):
-            raise InputError(f"time_limit: expected a number, got {limit!r}")
         if limit is not None and not 0.0 < limit < math.inf:
             expected = "expected a positive time [s]"
             raise InputError(f"time_limit: {expected}, got {limit}")
-        constraint = self.path_constraint
-        if not isinstance(constraint, OrientationConstraint | None):
-            expected = "expected an OrientationConstraint"
-            raise InputError(f"path_constraint: {expected}, got {constraint!r}")
         seed = self.seed
-        if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+        if isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0:
             raise InputError(f"seed: expected an integer of at least 0, got {seed!r}")
 
 
@@ -157,11 +169,11 @@ class Setting(NamedTuple):
 
 def find_setting(robot: Robot | Running, options: PlanOptions) -> Setting:
     """Return what is planned with; the errors are those of `plan`."""
-    if not isinstance(options.attached, Mapping):
-        got = f"got {options.attached!r}"
-        raise InputError(f"attached: expected what is held by the link, {got}")
     if isinstance(robot, Robot):
         return _set_up(robot, options)
+    if not hasattr(robot, "robots"):
+        expected = "expected a Robot, as load_robot returns it, or a Simulation"
+        raise InputError(f"robot: {expected}, got {robot!r}")
     return _set_up_running(robot, options)
 
 
@@ -175,6 +187,8 @@ def _set_up(robot: Robot, options: PlanOptions) -> Setting:
                 f"attached: {link!r}: expected a Payload, got {payload!r}; a body is "
                 "held in a simulation"
             )
+    if options.ignore:
+        raise InputError("ignore: bodies are those of a simulation; leave it out")
     payloads = _check_attached(robot, options.attached)
     return Setting(
         robot,

@@ -21,6 +21,7 @@ import itertools
 import math
 import weakref
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,9 +30,15 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces
 from pydrake.trajectories import PiecewisePolynomial
 
+from arm_drake.arrays import is_number
 from arm_drake.description.joints import last_master
 from arm_drake.description.robot import Robot
-from arm_drake.planning.groups import read_moveit_files, report_ignored
+from arm_drake.planning.groups import (
+    read_moveit_files,
+    read_rows,
+    report_ignored,
+    report_invalid,
+)
 from arm_drake.plant.drake_log import drake_messages
 from arm_drake.plant.payloads import Payload
 from arm_drake.plant.plant import make_reduced_plant, trial_plant
@@ -44,11 +51,7 @@ _LIMITS_FILE = "joint_limits.yaml"
 
 # What of it counts: for all joints, and for one.
 _SCALING = "default_velocity_scaling_factor", "default_acceleration_scaling_factor"
-_KEYS = [
-    key
-    for what in ("velocity", "acceleration", "jerk")
-    for key in (f"has_{what}_limits", f"max_{what}")
-]
+_JOINTS, _LIMITED = "joint_limits", ("velocity", "acceleration", "jerk")
 
 # Time between points of a trajectory [s].
 _PERIOD = 0.02
@@ -118,44 +121,57 @@ def _find_limits(robot: Robot) -> _Limits:
 
 def _read_limits(robot: Robot) -> _Limits:
     """Read what is said; of several files the last one that says it counts."""
-    rows: dict[str, Mapping[str, Any]] = {}
+    rows: dict[str, dict[str, float]] = {}
     scaling = dict.fromkeys(_SCALING, 1.0)
+    joints = {joint.name: joint for joint in robot.description.movable_joints}
     for path, content in read_moveit_files(robot, _LIMITS_FILE):
-        named = content.get("joint_limits")
-        own = named if isinstance(named, dict) else {}
-        own = {name: row for name, row in own.items() if isinstance(row, dict)}
-        rows |= own
-        for name in set(scaling) & set(content):
+        for name, row in read_rows(robot, path, "joint", content.get(_JOINTS), joints):
+            rows[name] = _read_row(robot, path, f"joint {name!r}", row)
+        for name in [name for name in scaling if name in content]:
             value = content[name]
-            if isinstance(value, int | float) and 0.0 < value <= 1.0:
+            if is_number(value) and 0.0 < value <= 1.0:
                 scaling[name] = float(value)
                 continue
             what = f"expected a number above 0, at most 1, got {value!r}"
             robot.report.add(
                 "warning", "invalid", what, "it is 1", where=name, file=path
             )
-        for name, row in own.items():
-            # A flag that isn't set says nothing.
-            ignored = [key for key in row if key not in _KEYS and row[key] is not False]
-            report_ignored(robot, path, f"joint {name!r}", ignored)
+        ignored = [key for key in content if key not in (_JOINTS, *_SCALING)]
+        report_ignored(robot, path, "", ignored)
     limits = {}
-    for joint in robot.description.movable_joints:
+    for joint in joints.values():
         row = rows.get(joint.name, {})
-        velocity = _limit(row, "velocity") or joint.limits.velocity or _SPEED
-        acceleration = _limit(row, "acceleration") or velocity / _TIME_TO_SPEED
-        jerk = _limit(row, "jerk") or math.inf
+        velocity = row.get("velocity") or joint.limits.velocity or _SPEED
+        acceleration = row.get("acceleration", velocity / _TIME_TO_SPEED)
+        jerk = row.get("jerk", math.inf)
         limits[joint.name] = MotionLimits(velocity, acceleration, jerk)
     velocity_factor, acceleration_factor = (scaling[name] for name in _SCALING)
     return _Limits(limits, (velocity_factor, acceleration_factor))
 
 
-def _limit(row: Mapping[str, Any], what: str) -> float | None:
-    value = row.get(f"max_{what}")
-    if not row.get(f"has_{what}_limits") or isinstance(value, bool):
-        return None
-    if not isinstance(value, int | float) or not 0.0 < value < math.inf:
-        return None
-    return float(value)
+def _read_row(
+    robot: Robot, file: Path, where: str, row: Mapping[str, Any]
+) -> dict[str, float]:
+    """Return the limits of a joint's row; what can't be used is reported."""
+    limits, keys = {}, set()
+    for what in _LIMITED:
+        flag, most = f"has_{what}_limits", f"max_{what}"
+        keys |= {flag, most}
+        # As in MoveIt a limit counts unless its flag says that there is none.
+        is_set: Any = row.get(flag, most in row)
+        value: Any = row.get(most)
+        if not isinstance(is_set, bool):
+            problem = f"{flag}: expected true or false, got {is_set!r}"
+            report_invalid(robot, file, where, problem)
+        elif is_set and is_number(value) and 0.0 < value < math.inf:
+            limits[what] = float(value)
+        elif is_set:
+            problem = f"{most}: expected a number above 0, got {value!r}"
+            report_invalid(robot, file, where, problem)
+    # Another flag that isn't set says nothing.
+    ignored = [key for key in row if key not in keys and row[key] is not False]
+    report_ignored(robot, file, where, ignored)
+    return limits
 
 
 class Samples(NamedTuple):

@@ -40,6 +40,9 @@ from arm_drake.timing import choose_time_step
 # Drake wants a period for what is drawn on demand [s].
 _NEVER = 1e9
 
+# Larger numbers of a pose [m], [rad] are no places: their squares aren't numbers.
+_FARTHEST = 1e9
+
 # Plants on trial. A Drake plant can't be pickled, so it is no part of its Robot.
 _trials: "weakref.WeakKeyDictionary[Robot, MultibodyPlant]" = (
     weakref.WeakKeyDictionary()
@@ -298,8 +301,8 @@ def read_pose(pose: RigidTransform | Sequence[float]) -> RigidTransform:
     """Return a pose as a transform, or raise InputError."""
     if isinstance(pose, RigidTransform):
         numbers = np.append(pose.rotation().matrix(), pose.translation())
-        if not np.all(np.isfinite(numbers)):
-            raise InputError("pose: expected finite numbers")
+        if not np.all(np.abs(numbers) <= _FARTHEST):
+            raise InputError(f"pose: expected finite numbers up to {_FARTHEST:g}")
         if not pose.rotation().IsValid():
             raise InputError(
                 f"pose: expected a rotation, whose axes have the length 1 and are at "
@@ -311,8 +314,10 @@ def read_pose(pose: RigidTransform | Sequence[float]) -> RigidTransform:
         x, y, z, roll, pitch, yaw = (float(number) for number in pose)
     except (TypeError, ValueError):
         raise InputError(f"pose: {expected}; got {pose!r}") from None
-    if not all(map(math.isfinite, (x, y, z, roll, pitch, yaw))):
-        raise InputError(f"pose: {expected}, all finite; got {list(pose)}")
+    if not all(abs(n) <= _FARTHEST for n in (x, y, z, roll, pitch, yaw)):
+        raise InputError(
+            f"pose: {expected}, all finite, up to {_FARTHEST:g}; got {list(pose)}"
+        )
     return transform_of((x, y, z, roll, pitch, yaw))
 
 

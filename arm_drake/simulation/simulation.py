@@ -661,6 +661,8 @@ class Simulation:
         from arm_drake.planning.motion_planning import plan
         from arm_drake.simulation.task_space import check_arrival
 
+        if "name" in options:
+            raise InputError("name: in move_to this argument is called robot")
         name = self.directory.manager(robot).robot.name
         found = plan(self, to, name=name, **options)
         goal = self.send_planned(found)
@@ -761,9 +763,8 @@ class Simulation:
         Args:
             robot: Name of the robot; by default the first one.
         """
-        return collect_rollout(
-            self.mailbox, self.directory.manager(robot), self.motions
-        )
+        manager = self.directory.manager(robot)
+        return collect_rollout(self.mailbox, manager, self.motions)
 
     def record_to(
         self, path: str | Path, *, robot: str | None = None, history: float = 60.0

@@ -110,6 +110,10 @@ def test_plans_in_one_process_keep_no_garbage(monkeypatch: pytest.MonkeyPatch) -
         (["--to", "home", "--upright", "lnk=1"], "path_constraint: no link 'lnk'; "),
         (["--to", "joint1=x"], "--to joint1=x: expected a number [rad or m]"),
         (
+            ["--to", "joint1=0.3,joint1=0.4"],
+            "--to joint1=0.4: joint 'joint1' is named twice",
+        ),
+        (
             ["--to", "home", "-o", "motion.txt"],
             "motion.txt: unknown type '.txt' of a motion; ",
         ),

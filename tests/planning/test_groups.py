@@ -47,6 +47,7 @@ joint_limits:
       has_acceleration_limits: true, max_acceleration: 7,
       has_jerk_limits: true, max_jerk: 50}
   b: {has_velocity_limits: false, max_velocity: 1.0}
+  left: {max_velocity: 0.7}
 """
 
 
@@ -55,6 +56,34 @@ KINEMATICS = """arm:
   kinematics_solver_timeout: 0.005
   position_only_ik: true
 gripper: {position_only_ik: false}
+"""
+
+WRONG_SRDF = SRDF.replace(
+    '<group name="empty"/>',
+    """<group name="empty"/>
+  <group name="tool"><joint name="v"/><link name="base"/><joint name="right"/></group>
+  <group name="ghost"><joint name="d"/><joint name="e"/><link name="four"/></group>
+  <group name="ring"><group name="round"/></group>
+  <group name="round"><group name="ring"/><group name="nowhere"/></group>
+  <group name="down"><chain base_link="three" tip_link="one"/></group>
+  <group_state name="shut" group="gripper"><joint name="left" value="much"/>
+    <joint name="right" value="0"/><joint name="d" value="0"/></group_state>""",
+)
+
+WRONG_LIMITS = """joint_limit: {}
+default_velocity_scaling_factor: true
+joint_limits:
+  a: {has_velocity_limits: true, max_velocity: -1, max_acceleration: fast}
+  b: {has_velocity_limits: "yes", max_velocity: 1}
+  c: [1, 2]
+  j9: {has_velocity_limits: true, max_velocity: 1}
+"""
+
+WRONG_KINEMATICS = """/**:
+  ros__parameters:
+    robot_description_kinematics:
+      arm: {position_only_ik: "true"}
+      legs: {position_only_ik: true}
 """
 
 
@@ -92,15 +121,21 @@ def test_groups_are_those_of_the_srdf_then_controllers(robot: ad.Robot) -> None:
     assert groups["circle"].tip == "one"
 
 
-def test_states_are_those_for_all_joints_of_a_group(robot: ad.Robot) -> None:
+def test_states_are_those_of_a_group_s_joints(robot: ad.Robot) -> None:
     group = find_group(robot, "arm")
 
     assert find_state(group, "up") == {"a": 0.5, "c": -0.5}
     assert find_state(group, "center") == {"a": 0.0, "c": 0.0}
+    # Joints that a state leaves out stay where they are.
+    assert find_state(group, "half") == {"a": 0.5}
+    plan = ad.plan(robot, "half", group="arm", world="void", start={"c": 0.2})
+    assert plan.end == pytest.approx({"a": 0.5, "c": 0.2})
+    # It is of the group alone.
+    assert "up" in find_group(robot, ["a"]).states
     with pytest.raises(ad.ArmDrakeError) as caught:
-        find_state(group, "half")
+        find_state(find_group(robot, "both"), "half")
     assert str(caught.value) == (
-        "group 'arm' has no state 'half'; known: center, home, initial, up"
+        "group 'both' has no state 'half'; known: center, home, initial"
     )
 
 
@@ -112,6 +147,8 @@ def test_speeds_are_those_of_moveit_then_the_description(robot: ad.Robot) -> Non
     assert limits["b"] == (3.0, 3.0, math.inf)
     # A speed of 0 is none: 1 rad/s.
     assert limits["c"] == (1.0, 1.0, math.inf)
+    # What has no flag counts.
+    assert limits["left"] == (0.7, 0.7, math.inf)
 
 
 @pytest.mark.slow
@@ -130,16 +167,17 @@ def test_plans_are_as_fast_as_joint_limits_yaml_says(robot: ad.Robot) -> None:
 def test_what_of_moveit_s_files_has_no_effect_is_in_the_report(
     robot: ad.Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    main(["check", str(tmp_path / "arm"), "--json"])
-
     folder = tmp_path / "arm_moveit_config/config"
-    report = json.loads(capsys.readouterr().out)["report"]
-    found = [
-        (entry["severity"], Path(entry["file"]).name, entry["where"], entry["what"])
-        for entry in report
-        if entry["file"] and Path(entry["file"]).parent == folder
-    ]
-    assert sorted(found) == [
+
+    assert check(tmp_path / "arm", folder, capsys) == [
+        ("warning", "arm.srdf", "group 'circle'", "it is part of itself"),
+        ("warning", "arm.srdf", "group 'empty'", "no joint of it moves by itself"),
+        (
+            "warning",
+            "joint_limits.yaml",
+            "default_acceleration_scaling_factor",
+            "expected a number above 0, at most 1, got 1.5",
+        ),
         (
             "info",
             "joint_limits.yaml",
@@ -152,13 +190,95 @@ def test_what_of_moveit_s_files_has_no_effect_is_in_the_report(
             "group 'arm'",
             "parameters 'kinematics_solver', 'kinematics_solver_timeout'",
         ),
-        (
-            "warning",
-            "joint_limits.yaml",
-            "default_acceleration_scaling_factor",
-            "expected a number above 0, at most 1, got 1.5",
-        ),
     ]
+
+
+def check(
+    package: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> list[tuple[str, ...]]:
+    """Return what `arm-drake check` says of the files of a folder, by file."""
+    main(["check", str(package), "--json"])
+    found = [
+        (entry["severity"], Path(entry["file"]).name, entry["where"], entry["what"])
+        for entry in json.loads(capsys.readouterr().out)["report"]
+        if entry["file"] and Path(entry["file"]).parent == folder
+    ]
+    return sorted(found, key=lambda each: each[1:3])
+
+
+def test_what_of_moveit_s_files_can_not_be_used_is_in_the_report(
+    robot: ad.Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "arm_moveit_config/config"
+    (folder / "arm.srdf").write_text(WRONG_SRDF, encoding="utf-8")
+    (folder / "joint_limits.yaml").write_text(WRONG_LIMITS, encoding="utf-8")
+    (folder / "kinematics.yaml").write_text(WRONG_KINEMATICS, encoding="utf-8")
+
+    found = check(tmp_path / "arm", folder, capsys)
+
+    joint, itself = "no joint of it moves by itself", "it is part of itself"
+    group = "group {!r}".format
+    state = "state 'shut' of group 'gripper'"
+    expected = {
+        "arm.srdf": [
+            (group("circle"), itself),
+            (group("down"), "link 'three' doesn't carry link 'one'"),
+            (group("down"), joint),
+            (group("empty"), joint),
+            (group("ghost"), "there is no joint 'd', 'e'"),
+            (group("ghost"), "there is no link 'four'"),
+            (group("ghost"), joint),
+            (group("ring"), itself),
+            (group("ring"), joint),
+            (group("round"), itself),
+            (group("round"), "there is no group 'nowhere'"),
+            (group("round"), joint),
+            (group("tool"), joint),
+            (state, "joint 'left': expected a number, got 'much'"),
+            (state, "there is no joint 'd'"),
+        ],
+        "joint_limits.yaml": [
+            ("", "parameters 'joint_limit'"),
+            (
+                "default_velocity_scaling_factor",
+                "expected a number above 0, at most 1, got True",
+            ),
+            ("joint 'a'", "max_velocity: expected a number above 0, got -1"),
+            ("joint 'a'", "max_acceleration: expected a number above 0, got 'fast'"),
+            ("joint 'b'", "has_velocity_limits: expected true or false, got 'yes'"),
+            ("joint 'c'", "expected a mapping, got [1, 2]"),
+            ("joint 'j9'", "there is no such joint that moves"),
+        ],
+        "kinematics.yaml": [
+            (group("arm"), "position_only_ik: expected true or false, got 'true'"),
+            (group("legs"), "there is no such group that moves"),
+        ],
+    }
+    for name, lines in expected.items():
+        assert [each[2:] for each in found if each[1] == name] == lines
+    # A tool and what isn't a parameter are no fault.
+    kinds = {each[2] for each in found if each[0] == "info"}
+    assert kinds == {"", group("tool")}
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "what"),
+    [
+        ("joint_limits.yaml", "joint_limits: [1, 2]", "expected a mapping by joint"),
+        ("joint_limits.yaml", "- 3", "expected a mapping"),
+        ("kinematics.yaml", "yes", "expected a mapping"),
+    ],
+)
+def test_files_of_moveit_that_are_no_mappings_are_in_the_report(
+    robot: ad.Robot, name: str, text: str, what: str
+) -> None:
+    (path,) = robot.description.file.parents[2].glob(f"*/config/{name}")
+    path.write_text(text, encoding="utf-8")
+
+    ad.planning_groups(robot)
+
+    assert motion_limits(robot)["b"] == (3.0, 3.0, math.inf)
+    assert [e.what for e in robot.report if e.file == str(path)] == [what]
 
 
 @pytest.mark.slow

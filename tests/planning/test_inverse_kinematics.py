@@ -354,8 +354,29 @@ BAD = [
     (
         {"pose": [0, 0, math.nan, 0, 0, 0]},
         "pose: expected a RigidTransform, or x, y, z [m], roll, pitch, yaw [rad], all "
-        "finite; got [0, 0, nan, 0, 0, 0]",
+        "finite, up to 1e+09; got [0, 0, nan, 0, 0, 0]",
     ),
+    (
+        {"pose": [1e300, 0, 0, 0, 0, 0]},
+        "pose: expected a RigidTransform, or x, y, z [m], roll, pitch, yaw [rad], all "
+        "finite, up to 1e+09; got [1e+300, 0, 0, 0, 0, 0]",
+    ),
+    (
+        {"pose": RigidTransform([0.0, 0.0, 1e300])},
+        "pose: expected finite numbers up to 1e+09",
+    ),
+    ({"seed": [0] * 2}, "seed: expected joint positions by name, got [0, 0]"),
+    (
+        {"seed": {"elbow": True}},
+        "joint 'elbow': expected a finite number [rad or m], got True",
+    ),
+    (
+        {"mask": "abcdef"},
+        "mask: expected six flags, for x, y, z and turns about x, y, z, with one that "
+        "is set; got 'abcdef'",
+    ),
+    ({"group": [3]}, "group: expected its name or its joints, got [3]"),
+    ({"group": [["elbow"]]}, "group: expected its name or its joints, got [['elbow']]"),
     (
         # As of a quaternion that isn't of length 1.
         {"pose": RigidTransform(RotationMatrix(2.0 * np.eye(3)), [1.0, 1.0, 0.0])},
@@ -399,6 +420,37 @@ def test_bad_arguments(planar: ad.Robot, wrong: dict, message: str) -> None:
         planar.solve_ik(**arguments)
 
     assert str(caught.value) == message
+
+
+def test_numbers_of_numpy_are_numbers(planar: ad.Robot) -> None:
+    seed = {"shoulder": np.int64(0), "elbow": np.float32(1.0)}
+
+    by_numpy = planar.solve_ik("tip", [1, 1, 0, 0, 0, 0], seed=seed, mask=POSITION)
+    by_python = planar.solve_ik(
+        "tip", [1, 1, 0, 0, 0, 0], seed={"shoulder": 0, "elbow": 1.0}, mask=POSITION
+    )
+
+    assert by_numpy.positions == by_python.positions
+
+
+def test_what_is_no_robot_and_no_positions_by_name(planar: ad.Robot) -> None:
+    for wrong, message in [
+        (
+            lambda: ad.forward_kinematics("planar", {}, "tip"),
+            "robot: expected a Robot, as load_robot returns it, got 'planar'",
+        ),
+        (
+            lambda: ad.planning_groups(None),
+            "robot: expected a Robot, as load_robot returns it, got None",
+        ),
+        (
+            lambda: planar.forward_kinematics([0.1, 0.2], "tip"),
+            "positions: expected joint positions by name, got [0.1, 0.2]",
+        ),
+    ]:
+        with pytest.raises(InputError) as caught:
+            wrong()
+        assert str(caught.value) == message
 
 
 @pytest.mark.slow

@@ -413,15 +413,59 @@ def test_what_touches_at_the_start_is_told_whatever_was_planned_before() -> None
             "velocity_scaling: expected a number, got 'fast'",
         ),
         ("home", {"group": 3}, "group: expected its name or its joints, got 3"),
+        ("home", {"group": [3]}, "group: expected its name or its joints, got [3]"),
+        ("home", {"start": [1]}, "start: expected joint positions by name, got [1]"),
+        (
+            "home",
+            {"start": "home"},
+            "start: expected joint positions by name, got 'home'",
+        ),
+        ("home", {"ignore": 5}, "ignore: expected names of bodies, got 5"),
+        ("home", {"ignore": "box"}, "ignore: expected names of bodies, got 'box'"),
+        ("home", {"ignore": [5]}, "ignore: expected names of bodies, got 5"),
+        (
+            "home",
+            {"ignore": ["box"]},
+            "ignore: bodies are those of a simulation; leave it out",
+        ),
+        ("home", {"should_stop": 3}, "should_stop: expected a function, got 3"),
+        ("home", {"straight": "yes"}, "straight: expected True or False, got 'yes'"),
+        (
+            "home",
+            {"mask": "abcdef"},
+            "mask: expected six flags, for x, y, z and turns about x, y, z, with one "
+            "that is set; got 'abcdef'",
+        ),
+        ({}, {}, "to: expected the position of a joint at least, got {}"),
+        (["home", {}], {}, "to: expected the position of a joint at least, got {}"),
     ],
 )
-def test_what_is_no_number_is_one_message(
+def test_what_is_of_another_kind_is_one_message(
     doosan: ad.Robot, to: object, options: dict[str, object], message: str
 ) -> None:
     with pytest.raises(InputError) as caught:
         ad.plan(doosan, to, **options)
 
     assert str(caught.value) == message
+
+
+def test_what_is_no_robot_is_one_message() -> None:
+    for wrong in ("doosan_a0912", None):
+        with pytest.raises(InputError) as caught:
+            ad.plan(wrong, "home")
+        assert str(caught.value) == (
+            "robot: expected a Robot, as load_robot returns it, or a Simulation, "
+            f"got {wrong!r}"
+        )
+
+
+def test_numbers_of_numpy_are_goals(doosan: ad.Robot) -> None:
+    to = {"joint1": np.float32(0.5), "joint2": np.int64(1)}
+
+    plan = ad.plan(doosan, to, world="void", seed=np.int64(3), padding=np.float32(0))
+
+    expected = ad.plan(doosan, {"joint1": 0.5, "joint2": 1}, world="void", padding=0)
+    assert plan.trajectory == expected.trajectory
 
 
 @pytest.mark.slow

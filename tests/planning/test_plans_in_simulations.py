@@ -236,6 +236,19 @@ def test_an_end_that_is_not_reached_is_raised() -> None:
 
 
 @pytest.mark.slow
+def test_arguments_of_another_kind_are_one_message(simulation: ad.Simulation) -> None:
+    name = simulation.directory.manager(None).robot.name
+    for wrong, message in [
+        ({"name": name}, "name: in move_to this argument is called robot"),
+        ({"ignore": 5}, "ignore: expected names of bodies, got 5"),
+        ({"start": [1]}, "start: expected joint positions by name, got [1]"),
+    ]:
+        with pytest.raises(ad.ArmDrakeError) as caught:
+            simulation.move_to("home", **wrong)
+        assert str(caught.value) == message
+
+
+@pytest.mark.slow
 def test_a_goal_that_fails_is_raised(simulation: ad.Simulation) -> None:
     put_crate(simulation, [-2.0, 0.0, 0.4])
     simulation.switch_controllers(deactivate=["joint_trajectory_controller"])
