@@ -13,6 +13,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
+from arm_drake import interfaces
 from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.control.generic_system import GenericSystem
 from arm_drake.description.contact_surfaces import with_surfaces
@@ -355,7 +356,8 @@ def _may_touch(setting: Setting, scene_graph: SceneGraph) -> bool:
     """Return whether robots may touch each other, themselves or the world around.
 
     Where nothing can, a step needs no shapes to ask for collisions; without physics
-    nothing asks. A robot that stands on its shapes keeps them.
+    nothing asks. A robot that stands on its shapes keeps them, and one whose sensors
+    may look at its own.
     """
     inspector = scene_graph.model_inspector()
     return (
@@ -363,9 +365,15 @@ def _may_touch(setting: Setting, scene_graph: SceneGraph) -> bool:
         or len(setting.robots) > 1
         or setting.options.self_collision
         or bool(setting.payloads)
-        or any(robot.has_free_base for robot in setting.robots)
+        or any(robot.has_free_base or _looks(robot) for robot in setting.robots)
         or inspector.NumGeometriesWithRole(Role.kProximity) > 0
     )
+
+
+def _looks(robot: Robot) -> bool:
+    """Return whether a robot has a camera, a lidar or a range sensor."""
+    ranging = any(interfaces.RANGE in sensor.interfaces for sensor in robot.sensors)
+    return ranging or bool(robot.description.perception_sensors)
 
 
 def _add_models(

@@ -351,7 +351,8 @@ def test_a_bias_is_the_same_all_the_time_and_a_precision_rounds() -> None:
     assert biased == {1.3, 1.7}
 
 
-def test_classics_ray_sees_what_collides() -> None:
+@pytest.mark.parametrize("world", ["empty", "void"])
+def test_classics_ray_sees_what_collides(world: str) -> None:
     sphere = '<sphere radius="0.5"/>'
     shapes = one("visual", sphere, xyz="1 0 0") + one("collision", sphere)
     plugin = (
@@ -361,7 +362,7 @@ def test_classics_ray_sees_what_collides() -> None:
         "<frame_name>eye</frame_name></plugin>"
     )
     robot = load(shapes, kind="ray", more=plugin)
-    simulation = ad.Simulation(ad.build_diagram(robot))
+    simulation = ad.Simulation(ad.build_diagram(robot, world=world))
     lidar = simulation.lidar("front")
 
     assert lidar.topics == {"scan": "/arm/scan"}

@@ -271,6 +271,31 @@ def make_eye(folder: Path, angle: float) -> ad.Simulation:
     )
 
 
+@pytest.mark.parametrize("world", ["empty", "void"])
+def test_a_beam_meets_another_link_of_the_robot(tmp_path: Path, world: World) -> None:
+    yaml = controllers(
+        eye="range_sensor_broadcaster/RangeSensorBroadcaster "
+        "sensor_name: eye, frame_id: bob"
+    )
+    control = models.ros2_control(states=("swing",))
+    ball = models.sphere(0.5).replace("<collision>", '<collision><origin xyz="2 0 0"/>')
+    urdf = models.pendulum(control=control).replace(
+        '<link name="base"/>', f'<link name="base">{ball}</link>'
+    )
+    sim = simulate(
+        tmp_path,
+        with_sensors(urdf, sensor("eye", "range")),
+        yaml,
+        initial_positions={"swing": 0.0},
+        pose=(0, 0, 1, 0, 0, 0),
+        world=world,
+    )
+
+    sim.run(0.001)
+
+    assert sim.topic("/eye/range").value().range == pytest.approx(1.5, abs=1e-5)
+
+
 @pytest.mark.parametrize("angle", [0.0, 0.5, 1.2])
 def test_a_range_is_the_way_to_what_is_in_front(tmp_path: Path, angle: float) -> None:
     sim = make_eye(tmp_path, angle)
