@@ -137,9 +137,8 @@ class CollisionModel:
         self._find_followers(robot)
         self._robot = robot
         self._things: tuple[PlacedShape, ...] = ()
-        # Links that have no padding to the world, and which needn't; None until then.
+        # Links that have no padding to the world.
         self.unpadded: tuple[str, ...] = ()
-        self._always_close: tuple[str, ...] | None = None
         self._radii = {
             link: _radius(plant, builder.scene_graph(), link, model)
             for link in robot.description.links
@@ -404,9 +403,8 @@ class CollisionModel:
         """
         if self.is_free(x):
             return True
-        if self._always_close is None:
-            self._always_close = tuple(self._find_always_close())
-        self.unpadded = self._always_close
+        self.pad()
+        self.unpadded = tuple(self._find_always_close())
         self.pad(0.0)
         return bool(self.unpadded) and self.is_free(x)
 
