@@ -387,9 +387,13 @@ class CollisionModel:
         around = (each.clearance(path, smallest) for each in self._around(smallest))
         return min([smallest, *around])
 
-    def pad(self, padding: float | None = None) -> None:
-        """Give links without padding theirs, or another one [m], to the world."""
-        padding = self._checker_padding if padding is None else padding
+    def pad(self) -> None:
+        """Give links without padding to the world theirs again."""
+        self._set_padding(self._checker_padding)
+        self.unpadded = ()
+
+    def _set_padding(self, padding: float) -> None:
+        """Set the padding to the world of links without one [m]."""
         world = self._plant.world_body().index()
         for link in self.unpadded:
             body = BodyIndex(self._bodies[link])
@@ -405,7 +409,7 @@ class CollisionModel:
             return True
         self.pad()
         self.unpadded = tuple(self._find_always_close())
-        self.pad(0.0)
+        self._set_padding(0.0)
         return bool(self.unpadded) and self.is_free(x)
 
     def _find_always_close(self) -> Iterator[str]:
@@ -681,7 +685,6 @@ def collision_model(
             robot, joints, world, padding=padding, positions=positions
         )
     model.pad()
-    model.unpadded = ()
     model.set_positions(positions)
     model.set_things(things)
     _models[key] = model

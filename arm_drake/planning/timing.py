@@ -497,8 +497,11 @@ def _parametrize(
     # Interpolation is exact at more points, collocation rarely fails. Where it does, as
     # near a sharp turn of a straight line's joints, other points or less acceleration
     # help.
-    even = ToppraDiscretization.kCollocation
-    ways = ((ToppraDiscretization.kInterpolation, _GRID), (even, _GRID), (even, _FINER))
+    exact, robust = (
+        ToppraDiscretization.kInterpolation,
+        ToppraDiscretization.kCollocation,
+    )
+    ways = ((exact, _GRID), (robust, _GRID), (robust, _FINER))
     with drake_messages():  # It says so when it fails.
         for keeps, part, (way, count) in itertools.product(
             (True, False), (1.0, 0.5), ways
