@@ -1,6 +1,7 @@
 """Controller types from packages outside the tree, and as an argument."""
 
 import importlib
+import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -168,6 +169,23 @@ def test_two_robots_each_have_their_own_type(tmp_path: Path, ramps: ModuleType) 
 
     at = [simulation.joint_states(name).position[0] for name in ("ramp", "slow")]
     assert at == pytest.approx([0.1, 0.0], abs=2e-3)
+
+
+@pytest.mark.parametrize("layout", ["archive", "egg"])
+def test_packages_of_other_layouts_are_found_too(
+    site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, layout: str
+) -> None:
+    add_package(tmp_path / "files", "ramps", {TYPE: "ramps:RAMP"})
+    if layout == "archive":
+        folder = shutil.make_archive(str(tmp_path / "ramps"), "zip", tmp_path / "files")
+    else:
+        folder = str(tmp_path / "ramps-1.0.egg")
+        shutil.copytree(
+            tmp_path / "files" / "ramps-1.0.dist-info", f"{folder}/EGG-INFO"
+        )
+    monkeypatch.syspath_prepend(folder)
+
+    assert lines(load(tmp_path, yaml())) == []
 
 
 def test_a_package_is_not_imported_for_other_types(site: Path, tmp_path: Path) -> None:
