@@ -758,12 +758,12 @@ def damaged(content: bytes, seed: int) -> list[bytes]:
     rng = random.Random(seed)  # noqa: S311  reproducible, not secret.
     rows = content.splitlines(keepends=True)
     results = [content[: rng.randrange(len(content))] for _ in range(2)]
-    for _ in range(5):
+    for _ in range(3):
         row = rng.randrange(len(rows))
         results.append(b"".join(rows[:row] + rows[row + 1 :]))
         results.append(b"".join([*rows[:row], rows[row], *rows[row:]]))
     words = [word for word in set(content.replace(b'"', b" ").split()) if word]
-    for _ in range(8):
+    for _ in range(5):
         old, new = rng.choice(words), rng.choice([*words, b"", b"nan", b"-1", b"x"])
         results.append(content.replace(old, new))
         results.append(content.replace(old, new, 1))

@@ -40,8 +40,15 @@ def run(
     return ended.returncode, ended.stderr.splitlines()
 
 
+ON_FULL_DISK = "arm-drake: standard output: No space left on device"
+
+needs_full_disk = pytest.mark.skipif(
+    not Path("/dev/full").exists(), reason="not every system has it"
+)
+
+
 @pytest.mark.slow
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="not every system has it")
+@needs_full_disk
 @pytest.mark.parametrize(
     "words",
     [
@@ -51,16 +58,39 @@ def run(
         ["check", "ROBOT", "--json"],
         ["sim", "ROBOT", "--headless", "--duration", "0.1"],
         ["sim", "ROBOT", "--headless", "--duration", "0.1", "--json"],
-        ["sim", "ROBOT", "--duration", "0.1"],
         ["cache"],
     ],
     ids=" ".join,
 )
-def test_a_full_disk_behind_the_output_is_said(words: list[str], robot: str) -> None:
+def test_a_full_disk_behind_the_output_is_said(
+    words: list[str],
+    robot: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with Path("/dev/full").open("w") as full:
+        monkeypatch.setattr(sys, "stdout", full)
+
+        code = main([robot if word == "ROBOT" else word for word in words])
+        # What is left is written at a program's end.
+        full.flush()
+
+    assert code == 2
+    errors = capsys.readouterr().err
+    assert errors.splitlines()[-1] == ON_FULL_DISK
+    assert "Traceback" not in errors
+
+
+@pytest.mark.slow
+@needs_full_disk
+@pytest.mark.parametrize(
+    "words", [["list"], ["sim", "ROBOT", "--duration", "0.1"]], ids=" ".join
+)
+def test_so_it_is_where_a_program_ends(words: list[str], robot: str) -> None:
     code, errors = run([robot if word == "ROBOT" else word for word in words])
 
     assert code == 2
-    assert errors[-1] == "arm-drake: standard output: No space left on device"
+    assert errors[-1] == ON_FULL_DISK
     assert "Traceback" not in "\n".join(errors)
 
 
@@ -107,8 +137,9 @@ def test_too_few_files_are_said(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("words", [[], ["--headless", "--rate", "1"]])
-@pytest.mark.parametrize("suffix", ["npz", "mcap"])
+@pytest.mark.parametrize(
+    ("words", "suffix"), [([], "mcap"), (["--headless", "--rate", "1"], "npz")]
+)
 def test_sigterm_is_ctrl_c(
     words: list[str], suffix: str, robot: str, tmp_path: Path
 ) -> None:
