@@ -47,9 +47,6 @@ from arm_drake.messages import (
 Event = dict[str, Any]
 Handler = Callable[["OpenLoop", Event], None]
 
-# What numbers may differ by from upstream's, and no more.
-TOLERANCES = {"rtol": 1e-9, "atol": 1e-12}
-
 # Joints that don't move; and events whose effect is in the recorded state.
 _FIXED = ("fixed", "floating", "planar")
 _OF_THE_PLANT = ("plant", "set_state")
@@ -67,12 +64,6 @@ _MESSAGES: dict[str, Callable[..., Message]] = {
 
 # How the request of a service is made of its fields, by the name of the port.
 _REQUESTS: dict[str, Callable[..., Message]] = {"set_odometry": SetOdometry}
-
-
-def assert_close(actual: Any, expected: Any, what: str = "") -> None:
-    """Fail unless numbers are upstream's; NaN equals NaN."""
-    expected = np.array(expected, dtype=float)
-    np.testing.assert_allclose(actual, expected, **TOLERANCES, err_msg=what)
 
 
 def numbers(value: Any) -> Any:

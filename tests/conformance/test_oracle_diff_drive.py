@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from tests.conformance.open_loop import OpenLoop, assert_close
-from tests.oracle import oracle_cases
+from tests.conformance.open_loop import OpenLoop
+from tests.oracle import assert_close, oracle_cases
 
 CASES = oracle_cases("controller_diff_drive")
 

@@ -10,8 +10,7 @@ from arm_drake.control.diff_drive import (
     from_commands,
 )
 from arm_drake.control.odometry import RollingMean
-from tests.conformance.open_loop import assert_close
-from tests.oracle import oracle_cases
+from tests.oracle import assert_close, oracle_cases
 
 CASES = oracle_cases("diff_drive_odometry")
 

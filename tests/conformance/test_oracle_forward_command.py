@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from arm_drake.errors import ParameterError
-from tests.conformance.open_loop import OpenLoop, assert_close, is_started
-from tests.oracle import oracle_cases
+from tests.conformance.open_loop import OpenLoop, is_started
+from tests.oracle import assert_close, oracle_cases
 
 CASES = oracle_cases("controller_forward_command")
 

@@ -22,11 +22,10 @@ from arm_drake.messages import (
 from tests.conformance.open_loop import (
     Event,
     OpenLoop,
-    assert_close,
     is_started,
     numbers,
 )
-from tests.oracle import oracle_cases
+from tests.oracle import assert_close, oracle_cases
 
 PARALLEL = oracle_cases("controller_gripper")
 JAZZY = oracle_cases("controller_gripper_action_jazzy_4.42.1")

@@ -12,7 +12,7 @@ from arm_drake.control.joint_limits import (
     limit,
 )
 from arm_drake.description.joint_limits import JointLimits, SoftJointLimits
-from tests.oracle import number, oracle_cases
+from tests.oracle import assert_close, number, oracle_cases
 
 CASES = oracle_cases("joint_limits")
 
@@ -75,4 +75,4 @@ def test_limited_commands_are_upstream_s(case: dict[str, Any]) -> None:
         limited = {key: number(x) for key, x in wanted.get("command", {}).items()}
         assert command.keys() == limited.keys()
         for key, value in limited.items():
-            np.testing.assert_allclose(command[key], value, rtol=1e-9, atol=1e-12)
+            assert_close(command[key], value)

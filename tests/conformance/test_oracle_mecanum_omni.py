@@ -12,8 +12,8 @@ import pytest
 
 from arm_drake.errors import ParameterError
 from arm_drake.messages import Odometry, TwistStamped
-from tests.conformance.open_loop import OpenLoop, assert_close, is_started, numbers
-from tests.oracle import oracle_cases
+from tests.conformance.open_loop import OpenLoop, is_started, numbers
+from tests.oracle import assert_close, oracle_cases
 
 CASES = oracle_cases("controller_mecanum_omni")
 STARTED = [case for case in CASES if is_started(case["output"])]

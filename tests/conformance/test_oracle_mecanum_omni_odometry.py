@@ -15,8 +15,9 @@ from arm_drake.controllers.bases.omni_wheel_drive_controller import (
     OmniWheelKinematics,
     OmniWheelOdometry,
 )
-from tests.conformance.open_loop import assert_close, numbers
+from tests.conformance.open_loop import numbers
 from tests.conformance.oracle_files import read_files
+from tests.oracle import assert_close
 
 FILES = read_files(("mecanum_odometry", "omni_wheel_odometry"))
 

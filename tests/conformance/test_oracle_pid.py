@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from arm_drake.control.pid import Pid, find_fault
-from tests.oracle import number, oracle_cases, oracle_folder
+from tests.oracle import assert_close, number, oracle_cases, oracle_folder
 
 NAMES = ("pid", "pid_jazzy_legacy_antiwindup")
 
@@ -45,11 +45,6 @@ def make_zero_gains() -> SimpleNamespace:
     limits = {"u_max": "inf", "u_min": "-inf", "i_max": "inf", "i_min": "-inf"}
     rest = {"antiwindup": "none", "error_deadband": 0.0}
     return make_gains(zeros | limits | rest)
-
-
-def assert_close(actual: Any, expected: Any) -> None:
-    expected = [number(x) for x in expected]
-    np.testing.assert_allclose(actual, expected, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("case", load_cases())

@@ -2,18 +2,12 @@
 
 from typing import Any
 
-import numpy as np
 import pytest
 
 from arm_drake.control.rate_limiter import RateLimiter
-from tests.oracle import number, oracle_cases
+from tests.oracle import assert_close, number, oracle_cases
 
 CASES = oracle_cases("rate_limiter")
-
-
-def assert_close(actual: list[float], expected: list[Any]) -> None:
-    numbers = [number(x) for x in expected]
-    np.testing.assert_allclose(actual, numbers, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("case", CASES)

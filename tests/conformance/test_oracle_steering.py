@@ -7,8 +7,8 @@ import pytest
 
 from arm_drake.messages import Odometry, TwistStamped
 from arm_drake.messages.control import SteeringControllerStatus
-from tests.conformance.open_loop import OpenLoop, assert_close
-from tests.oracle import oracle_cases
+from tests.conformance.open_loop import OpenLoop
+from tests.oracle import assert_close, oracle_cases
 
 CASES = oracle_cases("controller_steering")
 

@@ -10,8 +10,7 @@ from arm_drake.control.steering import (
     SteeringOdometry,
     to_wheel_commands,
 )
-from tests.conformance.open_loop import assert_close
-from tests.oracle import oracle_cases
+from tests.oracle import assert_close, oracle_cases
 
 CASES = oracle_cases("steering_kinematics")
 
