@@ -235,6 +235,23 @@ def test_an_arm_that_holds_and_moves_ticks_quietly_and_is_heard(count: Count) ->
 
 
 @pytest.mark.slow
+def test_feedback_is_the_same_right_after_a_message(count: Count) -> None:
+    sim = simulate()
+    arm = sim.controller("joint_trajectory_controller")
+    sim.run(0.2)
+    goal = arm.send_goal(motion(0.1, 0.2))
+    sim.run(0.02)
+    for _ in range(10):
+        # To a tick; the next one, in which feedback may be due, is none in full.
+        arm.set_speed_scaling(1.0)
+        sim.run(0.02)
+
+    assert len(goal.feedback) == 4
+    # The first cycle, that of the goal, and those of the messages.
+    assert count.num_full == 2 + 10, count
+
+
+@pytest.mark.slow
 def test_a_context_goes_on_from_the_middle_of_quiet_ticks(count: Count) -> None:
     sim = simulate()
     sim.controller("joint_trajectory_controller").send_goal(motion(0.1, 0.2))
