@@ -431,6 +431,29 @@ def test_pids_of_a_trajectory_tick_steadily(
     assert sim.joint_states().position[0] > 0.1
 
 
+@pytest.mark.slow
+def test_a_robot_whose_rate_another_one_sets_ticks_steadily(
+    count: Count, tmp_path: Path
+) -> None:
+    point = JointTrajectoryPoint([0.4], [0.0], time_from_start=0.1)
+    message = JointTrajectory(joint_names=["swing"], points=[point])
+    robots = []
+    # No step divides both periods.
+    for rate in (1000, 997):
+        folder = tmp_path / f"at_{rate}"
+        folder.mkdir()
+        config = PID.format(command="position", gains="p: 1.0")
+        config = config.replace("update_rate: 200", f"update_rate: {rate}")
+        description = models.pendulum(control=models.ros2_control("swing"))
+        robots.append(models.load(folder, description, config, name=folder.name))
+    sim = ad.Simulation(ad.build_diagram(robots, world="void"))
+    for robot in robots:
+        sim.controller(f"{robot.name}/arm").send_trajectory(message)
+    sim.run(0.08)
+
+    assert count.num_steady >= 2 * 80 - 4, count
+
+
 def simulate_base(
     folder: Path, text: str, preset: Literal["accurate", "kinematic"] = "accurate"
 ) -> ad.Simulation:
