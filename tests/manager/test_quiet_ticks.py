@@ -317,6 +317,28 @@ def test_a_forward_controller_ticks_quietly_until_it_fails(
 
 
 @pytest.mark.slow
+def test_one_that_fails_and_goes_on_as_humble_s_ticks_in_full(
+    count: Count, tmp_path: Path
+) -> None:
+    text = FORWARD.replace(f"[{', '.join(JOINTS)}]", "[swing]")
+    robot = models.load(tmp_path, models.pendulum(), text, distro="humble")
+    sim = ad.Simulation(ad.build_diagram(robot, world="void"))
+    sim.run(0.1)
+    num_full = count.num_full
+
+    message = Float64MultiArray(data=(0.1, 0.2))
+    sim.mailbox.publish("arm.commands", message, PERIOD)
+    sim.run(0.2)
+    assert len(sim.failures) == 1
+    assert count.num_full == num_full + 20
+    sim.topic("/arm/commands").publish([0.1])
+    sim.run(0.1)
+
+    assert count.num_full < num_full + 25
+    assert sim.joint_states().position[0] > 0.05
+
+
+@pytest.mark.slow
 def test_gazebo_s_controllers_tick_steadily_between_messages(count: Count) -> None:
     robot = ad.load_robot("mycobot_280", xacro_args={"control": "gazebo"})
     sim = ad.Simulation(ad.build_diagram(robot, world="void"))
