@@ -274,6 +274,23 @@ def test_a_context_goes_on_from_the_middle_of_quiet_ticks(count: Count) -> None:
     assert count.num_full == num_full + 2
 
 
+@pytest.mark.slow
+def test_time_that_is_set_ends_steady_cycles(count: Count) -> None:
+    sim = simulate()
+    sim.controller("joint_trajectory_controller").send_trajectory(motion(0.1, 0.2))
+    simulator = sim.simulator
+    simulator.AdvanceTo(0.255)
+    num_full = count.num_full
+
+    simulator.get_mutable_context().SetTime(0.45)
+    simulator.Initialize()
+    simulator.AdvanceTo(0.555)
+
+    # The first cycle after that, whose number isn't the next one.
+    assert count.total - count.num_steady == num_full + 1, count
+    assert sim.joint_states().position[0] > 0.1
+
+
 def read_state(simulator: Simulator) -> list[Any]:
     context = simulator.get_context()
     state = context.get_discrete_state()
