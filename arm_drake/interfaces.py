@@ -75,12 +75,17 @@ PARAMETERS_PORT: Final = "parameters"
 # Start of the name of the port on which another controller commands references.
 CHAIN_PORT: Final = "chain:"
 
+_INTERNAL_PORTS: Final = frozenset(
+    (
+        *(STATE_PORT, COMMAND_PORT, VALUES_PORT, MANAGER_PORT, PARAMETERS_PORT),
+        *(TICK_PORT, TICKS_PORT, INBOX_PORT, FRAMES_PORT, CONTACTS_PORT),
+    )
+)
+
 
 def is_internal(port: str) -> bool:
     """Return whether a port of a controller is none of its topics."""
-    own = (STATE_PORT, COMMAND_PORT, VALUES_PORT, MANAGER_PORT, PARAMETERS_PORT)
-    manager_ports = (TICK_PORT, TICKS_PORT, INBOX_PORT, FRAMES_PORT, CONTACTS_PORT)
-    return port in (*own, *manager_ports) or port.startswith((EXPORT_PORT, CHAIN_PORT))
+    return port in _INTERNAL_PORTS or port.startswith((EXPORT_PORT, CHAIN_PORT))
 
 
 def interface_names(joints: Iterable[str], names: Iterable[str]) -> tuple[str, ...]:

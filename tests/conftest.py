@@ -16,11 +16,31 @@ from tests.robots import BESIDE_THE_CHECKOUT
 
 _HERE = Path(__file__).parent
 
+# With `--both-ways`, what the managers of all tests count.
+_COUNT = pytest.StashKey[Any]()
+
+# So many of their cycles are steady, or the option has shown too little.
+_LEAST_SHARE = 0.5
+
 # Replays of reference data and of whole motions: not for every few minutes.
 _SLOW = ("conformance", "physics", "rollouts")
 
 
-def pytest_configure() -> None:
+def pytest_addoption(parser: pytest.Parser) -> None:
+    # In one process: others wouldn't say how many cycles were steady.
+    text = (
+        "compute each cycle in which nothing comes in full, too, and compare all bits"
+    )
+    parser.addoption("--both-ways", action="store_true", help=text)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.option.both_ways:
+        from tests.manager import both_ways
+
+        both_ways.compare(
+            config.stash.setdefault(_COUNT, both_ways.Count()), pytest.MonkeyPatch()
+        )
     # Where a shell has started the tests in the background they would ignore Ctrl-C,
     # and with them all processes that they start and interrupt.
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -106,3 +126,12 @@ def pytest_collection_finish() -> None:
     gc.enable()
     gc.collect()
     gc.freeze()
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    count = session.config.stash.get(_COUNT, None)
+    if count is not None:
+        print(f"\n{count}")
+        if count.num_steady <= _LEAST_SHARE * count.total:
+            print(f"less than {_LEAST_SHARE:.0%} of the cycles were steady")
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED

@@ -73,7 +73,8 @@ def new_messages(
     if value is seen or (len(seen) == 1 and value is seen[0]):
         return (), seen
     messages = messages_on(port, context, expected)
-    new = tuple(m for m in messages if all(m is not old for old in seen))
+    known = set(map(id, seen))
+    new = tuple(m for m in messages if id(m) not in known)
     return new, seen if not new and len(messages) == len(seen) else messages
 
 

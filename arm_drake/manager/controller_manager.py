@@ -67,9 +67,8 @@ class Readings(NamedTuple):
     @property
     def new_requests(self) -> tuple[SwitchController, ...]:
         """The requests that weren't there in the last cycle."""
-        old = self.state.requests
-        new = self.inputs.requests
-        return tuple(r for r in new if not any(r is other for other in old))
+        old = set(map(id, self.state.requests))
+        return tuple(r for r in self.inputs.requests if id(r) not in old)
 
     @property
     def is_switching(self) -> bool:

@@ -395,6 +395,14 @@ def make_unchecked(kind: type[T], **fields: Any) -> T:
     return message
 
 
+def renew(message: M) -> M:
+    """Return another object with the same fields, which aren't checked once more."""
+    kind = message.__class__
+    if type(message) is kind and issubclass(kind, Message):
+        return make_unchecked(kind, **message.__dict__)
+    return dc.replace(message)  # type: ignore[type-var]
+
+
 def append_events(
     events: tuple[tuple[int, E], ...], new_events: Iterable[E]
 ) -> tuple[tuple[int, E], ...]:

@@ -44,7 +44,7 @@ from arm_drake.messages import (
     Twist,
     TwistStamped,
 )
-from arm_drake.messages.base import stamp_of, to_message
+from arm_drake.messages.base import renew, stamp_of, to_message
 from arm_drake.simulation.directory import TopicInfo, TopicList
 from arm_drake.simulation.mailbox import GoalHandle, Mailbox
 from arm_drake.simulation.motion import StepMessage
@@ -452,7 +452,7 @@ class TopicHandle:
             if isinstance(data, TwistStamped):
                 data = data.twist
         if isinstance(data, expected):
-            return dc.replace(data)  # type: ignore[type-var]
+            return renew(data)
         if isinstance(data, Mapping) and expected is not Message:
             try:
                 return to_message(data, expected, f"topic {self.name!r}")

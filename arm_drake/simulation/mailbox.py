@@ -185,8 +185,8 @@ class Mailbox:
         """Forget all, as the simulation begins anew."""
         self._next_event = [0] * len(self._sources)
 
-        # What lies on the ports, and since when [s].
-        self._lying: dict[str, list[tuple[float, Message]]] = {}
+        # What lies on the ports.
+        self._lying: dict[str, list[Sent]] = {}
 
         # When [s] and for what period [s] a port got its last value, the value, and the
         # messages in it, to which more are added.
@@ -248,7 +248,7 @@ class Mailbox:
 
     def _forget_places(self) -> None:
         """Forget where messages came from that lie on no port and weren't refused."""
-        lying = [m for sent in self._lying.values() for _, m in sent]
+        lying = [each.message for sent in self._lying.values() for each in sent]
         reported = [getattr(event, "message", None) for event in self.rejected]
         reported += [getattr(event, "request", None) for event in self.failures]
         kept = {id(message) for message in (*lying, *reported)}
@@ -270,7 +270,8 @@ class Mailbox:
         time, input_port = context.get_time(), self._ports.get(port)
         if input_port is None:
             input_port = self._ports[port] = self.diagram.GetInputPort(port)
-        self.sent.append(Sent(time, port, message))
+        new = Sent(time, port, message)
+        self.sent.append(new)
         # What the context doesn't know was sent after it: it is one of before.
         lying = input_port.Eval(context) if input_port.HasValue(context) else ()
         last = self._published.get(port)
@@ -279,15 +280,15 @@ class Mailbox:
                 lying = lying.messages
             known = set(map(id, lying)) if isinstance(lying, tuple) else {id(lying)}
             sent = [
-                (at, other)
-                for at, other in self._lying.get(port, ())
-                if at > time - 2.0 * period and id(other) in known
+                other
+                for other in self._lying.get(port, ())
+                if other.time > time - 2.0 * period and id(other.message) in known
             ]
             self._lying[port] = sent
-            messages = [other for _, other in sent]
+            messages = [other.message for other in sent]
         else:  # All that was kept then is kept now.
             messages = last[3]
-        self._lying[port].append((time, message))
+        self._lying[port].append(new)
         messages.append(message)
         batch = MessageBatch(messages)
         self._published[port] = (time, period, batch, messages)

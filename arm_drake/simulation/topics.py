@@ -33,6 +33,7 @@ from arm_drake.messages import (
     Twist,
     TwistStamped,
 )
+from arm_drake.messages.base import renew
 
 # A class of messages; in a class with a field `type` it has no other name.
 _Kind: TypeAlias = type[Message]
@@ -163,7 +164,7 @@ class ControllerTopics:
         for port, kind in types.items():
             # Gazebo's plugins call their ports as their tags say.
             if kind is Twist and port.startswith("/"):
-                return port, dc.replace(twist)
+                return port, renew(twist)
         self.check(VELOCITY)
         raise AssertionError
 
@@ -176,7 +177,7 @@ class ControllerTopics:
         """
         self.check(TOPIC)
         # A copy: the same message once more is a new one.
-        return TOPIC, dc.replace(trajectory)
+        return TOPIC, renew(trajectory)
 
     def _takes(self, port: str, kind: _Kind) -> bool:
         """Return whether the controller has a port, and messages of a kind go there."""

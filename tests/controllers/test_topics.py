@@ -1,3 +1,5 @@
+import sys
+
 import pytest
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import LeafSystem
@@ -56,6 +58,27 @@ def test_a_message_that_was_away_is_new_again() -> None:
         system.topic.FixValue(context, available)
         found, seen = new_messages(system.topic, context, Float64MultiArray, seen)
         assert found == new
+
+
+def test_many_messages_after_as_many_are_found_in_one_pass() -> None:
+    system, num_messages = Reader(), 300
+    context = system.CreateDefaultContext()
+    seen, news = (
+        tuple(Float64MultiArray([1.0]) for _ in range(num_messages)) for _ in range(2)
+    )
+    system.topic.FixValue(context, seen[-1:] + news)
+    events: list[str] = []
+
+    sys.setprofile(lambda frame, event, argument: events.append(event))
+    try:
+        found, _ = new_messages(system.topic, context, Float64MultiArray, seen)
+    finally:
+        sys.setprofile(None)
+
+    assert len(found) == num_messages
+    assert all(one is other for one, other in zip(found, news, strict=True))
+    # To compare each with each would take 90,000.
+    assert len(events) < 10 * num_messages
 
 
 def test_events_are_numbered_and_the_latest_are_kept() -> None:

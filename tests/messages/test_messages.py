@@ -27,7 +27,7 @@ from arm_drake.messages import (
     SwitchController,
     Time,
 )
-from arm_drake.messages.base import make_lazy
+from arm_drake.messages.base import make_lazy, renew
 
 TIME = "expected seconds or {sec: int, nanosec: int}"
 
@@ -277,6 +277,20 @@ def test_a_lazy_message_is_as_good_as_any():
     assert type(pickle.loads(pickle.dumps(message))) is JointState  # noqa: S301
     with pytest.raises(dc.FrozenInstanceError):
         message.name = ()
+
+
+def test_a_message_that_is_renewed_is_an_ordinary_one_of_its_own():
+    plain = JointState(name=("a",), position=(1.0,))
+    lazy = make_lazy(JointState, lambda: plain)
+
+    for message in (plain, lazy):
+        new = renew(message)
+        assert new == plain
+        assert new is not message
+        assert type(new) is JointState
+        assert hash(new) == hash(plain)
+    with pytest.raises(TypeError):
+        renew({"name": ("a",)})
 
 
 def test_a_time_converts_to_seconds_and_nanoseconds():
