@@ -4,12 +4,12 @@ from typing import Any
 
 import pytest
 
-from arm_drake.control.diff_drive import (
+from arm_drake.control.odometry import (
     DiffDriveKinematics,
     DiffDriveOdometryState,
+    RollingMean,
     from_commands,
 )
-from arm_drake.control.odometry import RollingMean
 from tests.conformance.open_loop import assert_close
 from tests.oracle import oracle_cases
 
