@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.control.rate_limiter import RateLimiter
+from arm_drake.control.filters import RateLimiter
 from tests.oracle import number, oracle_cases
 
 CASES = oracle_cases("rate_limiter")

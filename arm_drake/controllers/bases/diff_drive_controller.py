@@ -14,6 +14,7 @@ import numpy as np
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
+from arm_drake.control.filters import RateLimiter
 from arm_drake.control.odometry import (
     DiffDriveKinematics,
     DiffDriveMotion,
@@ -22,7 +23,6 @@ from arm_drake.control.odometry import (
     RollingMean,
     from_commands,
 )
-from arm_drake.control.rate_limiter import RateLimiter
 from arm_drake.controllers.bases.base import (
     BaseCommand,
     BaseController,
