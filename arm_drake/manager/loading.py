@@ -25,7 +25,7 @@ from arm_drake.controllers.controller_interface import (
 )
 from arm_drake.controllers.gazebo import make_plugin
 from arm_drake.controllers.gazebo.plugin import find_unsupported
-from arm_drake.controllers.other_types import describe_unknown
+from arm_drake.controllers.registry import describe_unknown
 from arm_drake.description.controller_manager_parameters import (
     MANAGER,
     HardwareComponentsInitialState,
