@@ -190,8 +190,12 @@ def is_scene(name: str) -> bool:
 
 
 def _list(options: argparse.Namespace) -> int:
-    from arm_drake.description.bundled import bundled_motions, bundled_robots
-    from arm_drake.description.entry import EXAMPLE, example_robots
+    from arm_drake.description.entry import (
+        EXAMPLE,
+        bundled_motions,
+        bundled_robots,
+        example_robots,
+    )
     from arm_drake.worlds.world import WORLDS
 
     robots = {name: list(bundled_motions(name)) for name in bundled_robots()}

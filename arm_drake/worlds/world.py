@@ -21,8 +21,8 @@ from pydrake.multibody.tree import (
     world_index,
 )
 
-from arm_drake.description.bundled import models_folder
 from arm_drake.description.elements import free_name
+from arm_drake.description.entry import models_folder
 from arm_drake.errors import InputError, suggest
 from arm_drake.plant.contact import add_ground
 from arm_drake.plant.drake_log import drake_messages

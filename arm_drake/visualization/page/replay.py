@@ -13,7 +13,7 @@ from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 
 from arm_drake.arrays import Array
-from arm_drake.description.bundled import bundled_robots, models_folder
+from arm_drake.description.entry import bundled_robots, models_folder
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, suggest
 from arm_drake.loading import load_robot
