@@ -18,8 +18,8 @@ from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.controllers import (
     load_controllers as load_controllers_config,
 )
+from arm_drake.description.drive_gains import gazebo_nodes
 from arm_drake.description.entry import TEXT, Source, check_text, find_entry, is_xml
-from arm_drake.description.gazebo_nodes import gazebo_nodes
 from arm_drake.description.gazebo_plugins import Ros2ControlPlugin
 from arm_drake.description.inertia import repair_free_base
 from arm_drake.description.initial_positions import find_initial_positions
