@@ -16,7 +16,6 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from arm_drake import interfaces
 from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.control.generic_system import GenericSystem
-from arm_drake.description.contact_surfaces import with_surfaces
 from arm_drake.description.drive_gains import find_drive_gains, holds_joints
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot, list_robots
@@ -51,7 +50,7 @@ from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.manager.loaded_controllers import LoadedController, command_order
 from arm_drake.manager.loading import load_controllers_of, report_motionless
 from arm_drake.options import SimulationOptions
-from arm_drake.plant.contact import Shape, separate
+from arm_drake.plant.contact import Shape, separate, with_surfaces
 from arm_drake.plant.initial_poses import log_free_poses, place_free_links
 from arm_drake.plant.joint_ranges import (
     find_gripper_joints,

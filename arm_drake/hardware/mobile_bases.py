@@ -28,7 +28,6 @@ from arm_drake.description.base_wheels import (
     unit_axis,
     with_axles,
 )
-from arm_drake.description.contact_surfaces import for_drake
 from arm_drake.description.joints import joints_above
 from arm_drake.description.report import LoadReport, Severity
 from arm_drake.description.robot import Robot
@@ -52,7 +51,7 @@ from arm_drake.messages import (
     TwistWithCovariance,
     Vector3,
 )
-from arm_drake.plant.contact import GROUND, set_friction
+from arm_drake.plant.contact import GROUND, for_drake, set_friction
 from arm_drake.plant.initial_poses import (
     PlacedShape,
     find_shapes,
