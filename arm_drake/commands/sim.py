@@ -37,8 +37,8 @@ from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
 from arm_drake.errors import InputError, SimulationError
 from arm_drake.options import SimulationOptions
-from arm_drake.plant.drake_log import use_native_logging
 from arm_drake.plant.payloads import Payload
+from arm_drake.plant.plant import use_native_logging
 from arm_drake.scene import Scene, load_scene
 from arm_drake.simulation.motion import Motion, default_duration
 from arm_drake.simulation.motion_files import find_motion
