@@ -21,7 +21,14 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot, list_robots
 from arm_drake.description.srdf import find_disabled_collisions
 from arm_drake.errors import InputError, suggest
-from arm_drake.hardware.drive_report import report_drive, report_friction, report_times
+from arm_drake.hardware.drive_report import (
+    find_obstacles,
+    find_world_obstacles,
+    report_drive,
+    report_fallback,
+    report_friction,
+    report_times,
+)
 from arm_drake.hardware.drives import (
     are_all_pushed,
     commanded_joints,
@@ -39,11 +46,6 @@ from arm_drake.hardware.hardware import (
     report_blind,
 )
 from arm_drake.hardware.mobile_bases import RobotBases
-from arm_drake.hardware.presets import (
-    find_obstacles,
-    find_world_obstacles,
-    report_fallback,
-)
 from arm_drake.hardware.robot_systems import RobotSystems
 from arm_drake.manager import MANAGER, ControllerManager
 from arm_drake.manager.hardware_interfaces import HardwareInterfaces
