@@ -13,8 +13,7 @@ from arm_drake.controllers import ControllerType, check_controller_types
 from arm_drake.description.bridge import find_bridge_files, load_bridges, split_bridges
 from arm_drake.description.claimed_hardware import hardware_from_controllers
 from arm_drake.description.control_files import default_controllers, find_control_files
-from arm_drake.description.controller_manager_parameters import MANAGER
-from arm_drake.description.controllers import ControllerManagerConfig
+from arm_drake.description.controllers import MANAGER, ControllerManagerConfig
 from arm_drake.description.controllers import (
     load_controllers as load_controllers_config,
 )

@@ -21,7 +21,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from arm_drake.description.controller_manager_parameters import (
+from arm_drake.description.controllers import (
     PLUGIN_NODES,
     PLUGIN_PARAMETERS,
 )
