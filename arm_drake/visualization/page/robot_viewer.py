@@ -28,9 +28,9 @@ from arm_drake.visualization.meshcat import (
     set_ground_visible,
 )
 from arm_drake.visualization.page import Event, Scene
-from arm_drake.visualization.page.link_readout import LinkReadout
 from arm_drake.visualization.page.motion_planning import MotionPlanning, ViewedRobot
 from arm_drake.visualization.page.panel import (
+    LinkReadout,
     LinkViews,
     find_pose,
     list_changes,
