@@ -30,7 +30,7 @@ from arm_drake.visualization.page import (
     Text,
 )
 from arm_drake.visualization.page.live_simulation import do_events, read_rate
-from arm_drake.visualization.page.robot_scene import RobotScene
+from arm_drake.visualization.page.robot_viewer import RobotScene
 
 # What a description has for its controllers, which don't run here.
 _CONTROL = ("gazebo", "ros2_control", "transmission")
