@@ -1,7 +1,7 @@
 """Plots of a rollout and of a plan, one function for each kind.
 
-They import matplotlib, so that who draws nothing must not import them; `plot` has what
-is known without it. None uses pyplot: a picture needs no window.
+They import matplotlib, so that who draws nothing must not import them; `output_files`
+has what is known without it. None uses pyplot: a picture needs no window.
 """
 
 import dataclasses as dc
