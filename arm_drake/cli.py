@@ -1,14 +1,19 @@
-"""The command line `arm-drake`: its arguments, and the start of its commands."""
+"""The command line `arm-drake`: arguments, process, and the start of its commands."""
 
 import argparse
 import atexit
+import contextlib
+import errno
 import functools
 import gc
 import io
 import json
+import os
+import signal
 import sys
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from arm_drake.commands.arguments import (
@@ -30,12 +35,6 @@ from arm_drake.commands.arguments import (
     pair,
     read_frames,
     read_initial,
-)
-from arm_drake.commands.process import (
-    check_process,
-    drop_output,
-    shortage,
-    terminating,
 )
 from arm_drake.errors import ArmDrakeError, InputError
 from arm_drake.importing import without_collection
@@ -190,8 +189,12 @@ def is_scene(name: str) -> bool:
 
 
 def _list(options: argparse.Namespace) -> int:
-    from arm_drake.description.bundled import bundled_motions, bundled_robots
-    from arm_drake.description.entry import EXAMPLE, example_robots
+    from arm_drake.description.entry import (
+        EXAMPLE,
+        bundled_motions,
+        bundled_robots,
+        example_robots,
+    )
     from arm_drake.worlds.world import WORLDS
 
     robots = {name: list(bundled_motions(name)) for name in bundled_robots()}
@@ -425,3 +428,68 @@ _COMMANDS: Mapping[str, _Command] = {
         _cache,
     ),
 }
+
+
+# Files that may be open at once: a page with some browsers needs so many.
+_FILES = 64
+
+# What the machine has run out of.
+_SHORTAGES = (errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.EIO)
+_OF_FILES = (errno.EMFILE, errno.ENFILE)
+
+
+def check_process() -> None:
+    """Raise InputError if this process lacks what Drake can't do without."""
+    try:
+        os.getcwd()
+    except OSError:
+        text = "the working directory is not there any more; change to another"
+        raise InputError(text) from None
+    if sys.getfilesystemencoding() == "ascii":
+        text = "Drake can't be used with ASCII; set PYTHONUTF8=1, or LC_ALL=C.UTF-8"
+        raise InputError(text)
+    if sys.platform != "win32":
+        import resource
+
+        limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+        if limit != resource.RLIM_INFINITY and limit < _FILES:
+            text = f"no more than {limit} files may be open; expected {_FILES} at least"
+            raise InputError(f"{text}: ulimit -n {_FILES}")
+
+
+@contextlib.contextmanager
+def terminating() -> Iterator[None]:
+    """Take SIGTERM, which `timeout` and containers send, as Ctrl-C."""
+    is_main = threading.current_thread() is threading.main_thread()
+    if not is_main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield
+        return
+
+    def interrupt(number: int, frame: Any) -> None:
+        handler = signal.getsignal(signal.SIGINT)
+        if callable(handler):
+            handler(signal.SIGINT, frame)
+        else:  # Shells have jobs in the background ignore Ctrl-C, but not this.
+            raise KeyboardInterrupt
+
+    signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def shortage(error: OSError) -> str | None:
+    """Return what the machine has run out of, or None if it is something else."""
+    if error.errno not in _SHORTAGES:
+        return None
+    place = error.filename
+    if place is None and error.errno not in _OF_FILES:
+        place = "standard output"
+    return f"{place}: {error.strerror}" if place else str(error.strerror)
+
+
+def drop_output() -> None:
+    """Write nothing more to standard output, also not what is still on its way."""
+    with contextlib.suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

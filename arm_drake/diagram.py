@@ -16,13 +16,19 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from arm_drake import interfaces
 from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.control.generic_system import GenericSystem
-from arm_drake.description.contact_surfaces import with_surfaces
 from arm_drake.description.drive_gains import find_drive_gains, holds_joints
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot, list_robots
 from arm_drake.description.srdf import find_disabled_collisions
 from arm_drake.errors import InputError, suggest
-from arm_drake.hardware.drive_report import report_drive, report_friction, report_times
+from arm_drake.hardware.drive_report import (
+    find_obstacles,
+    find_world_obstacles,
+    report_drive,
+    report_fallback,
+    report_friction,
+    report_times,
+)
 from arm_drake.hardware.drives import (
     are_all_pushed,
     commanded_joints,
@@ -40,18 +46,13 @@ from arm_drake.hardware.hardware import (
     report_blind,
 )
 from arm_drake.hardware.mobile_bases import RobotBases
-from arm_drake.hardware.presets import (
-    find_obstacles,
-    find_world_obstacles,
-    report_fallback,
-)
 from arm_drake.hardware.robot_systems import RobotSystems
 from arm_drake.manager import MANAGER, ControllerManager
 from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.manager.loaded_controllers import LoadedController, command_order
 from arm_drake.manager.loading import load_controllers_of, report_motionless
 from arm_drake.options import SimulationOptions
-from arm_drake.plant.contact import Shape, separate
+from arm_drake.plant.contact import Shape, separate, with_surfaces
 from arm_drake.plant.initial_poses import log_free_poses, place_free_links
 from arm_drake.plant.joint_ranges import (
     find_gripper_joints,

@@ -13,13 +13,12 @@ from arm_drake.controllers import ControllerType, check_controller_types
 from arm_drake.description.bridge import find_bridge_files, load_bridges, split_bridges
 from arm_drake.description.claimed_hardware import hardware_from_controllers
 from arm_drake.description.control_files import default_controllers, find_control_files
-from arm_drake.description.controller_manager_parameters import MANAGER
-from arm_drake.description.controllers import ControllerManagerConfig
+from arm_drake.description.controllers import MANAGER, ControllerManagerConfig
 from arm_drake.description.controllers import (
     load_controllers as load_controllers_config,
 )
+from arm_drake.description.drive_gains import gazebo_nodes
 from arm_drake.description.entry import TEXT, Source, check_text, find_entry, is_xml
-from arm_drake.description.gazebo_nodes import gazebo_nodes
 from arm_drake.description.gazebo_plugins import Ros2ControlPlugin
 from arm_drake.description.inertia import repair_free_base
 from arm_drake.description.initial_positions import find_initial_positions

@@ -11,6 +11,11 @@ from arm_drake.errors import OutputError
 # What cameras' pictures can be in a log.
 IMAGE_FORMATS = ("raw", "jpeg", "png")
 
+# What a plot of a rollout can show; the first is the default.
+PLOT_KINDS = ("overview", "tracking", "error", "effort", "phase", "path")
+
+PLOT_SUFFIXES = (".png", ".svg", ".pdf")
+
 
 def check_suffix(path: Path, kind: str, suffixes: Sequence[str]) -> None:
     """Raise OutputError if a file can't be of this kind, such as "a picture"."""
@@ -21,6 +26,11 @@ def check_suffix(path: Path, kind: str, suffixes: Sequence[str]) -> None:
             f"{', '.join(suffixes)}",
             file=path,
         )
+
+
+def check_plot_path(path: Path) -> None:
+    """Raise OutputError if a picture can't be of this type."""
+    check_suffix(path, "a picture", PLOT_SUFFIXES)
 
 
 def check_writable(path: Path) -> None:

@@ -27,8 +27,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context
 
 from arm_drake import yaml_files
-from arm_drake.description.bundled import bundled_motions, bundled_robots
-from arm_drake.description.entry import EXAMPLE, is_xml
+from arm_drake.description.entry import EXAMPLE, bundled_motions, bundled_robots, is_xml
 from arm_drake.description.robot import Pose, Robot, list_robots
 from arm_drake.errors import InputError, suggest
 from arm_drake.loading import load_robot

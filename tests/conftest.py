@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from arm_drake.description import packages, xacro
-from arm_drake.description.bundled import models_folder
+from arm_drake.description.entry import models_folder
 from tests.robots import BESIDE_THE_CHECKOUT
 
 _HERE = Path(__file__).parent

@@ -14,7 +14,7 @@ from pydrake.geometry import Meshcat
 
 import arm_drake as ad
 from arm_drake.errors import ArmDrakeError
-from arm_drake.plant.drake_log import use_native_logging
+from arm_drake.plant.plant import use_native_logging
 from arm_drake.visualization.screenshot import Photographer
 from tests.shown import show_robot
 

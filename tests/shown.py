@@ -4,7 +4,7 @@ from pydrake.geometry import Meshcat
 
 from arm_drake.description.robot import Robot
 from arm_drake.visualization.meshcat import frame_shapes
-from arm_drake.visualization.page.robot_scene import RobotScene
+from arm_drake.visualization.page.robot_viewer import RobotScene
 
 
 def show_robot(meshcat: Meshcat, robot: Robot) -> None:

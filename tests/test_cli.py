@@ -14,7 +14,7 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.cli import main
-from arm_drake.description.bundled import bundled_motions, configs_folder
+from arm_drake.description.entry import bundled_motions, configs_folder
 from arm_drake.messages import Float64MultiArray
 from arm_drake.simulation.recording import list_failures
 from tests import models

@@ -14,7 +14,7 @@ from pydrake.multibody.parsing import Parser
 
 import arm_drake as ad
 from arm_drake.description import entry
-from arm_drake.description.bundled import bundled_robots, configs_folder, models_folder
+from arm_drake.description.entry import bundled_robots, configs_folder, models_folder
 from arm_drake.errors import ArmDrakeError
 from arm_drake.plant import plant as plant_module
 from tests.models import TWO_LINKS, load, trajectory_controllers

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import pytest
 
 from arm_drake.controllers import CONTROLLER_TYPES, find_controller_type
-from arm_drake.controllers.other_types import load_other_types
-from arm_drake.description.bundled import bundled_motions, bundled_robots
+from arm_drake.controllers.registry import load_other_types
+from arm_drake.description.entry import bundled_motions, bundled_robots
 from arm_drake.description.plugin_control import PLUGIN_TYPES
 from arm_drake.launch import actions, event_handlers, parameters, substitutions
 from arm_drake.launch.actions import Action

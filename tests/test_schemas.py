@@ -10,7 +10,7 @@ from jsonschema.exceptions import ValidationError
 
 import arm_drake
 from arm_drake.cli import main
-from arm_drake.description.bundled import bundled_robots
+from arm_drake.description.entry import bundled_robots
 from tests.models import load, pendulum
 from tests.rollout.test_comparison import changed
 from tests.rollout.test_rollout import make_rollout

@@ -12,7 +12,7 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.cli import main
-from arm_drake.description.bundled import bundled_motions, bundled_robots
+from arm_drake.description.entry import bundled_motions, bundled_robots
 from arm_drake.simulation.motion import Task
 from arm_drake.simulation.motion_files import load_motion
 from tests.launch.test_expected_plans import launch_folder

@@ -25,7 +25,7 @@ from arm_drake.batch.api import run_many
 from arm_drake.batch.changes import Gains, Pid, find_pids, with_gains, yaml_gains
 from arm_drake.controllers.gazebo.plugin import position_topic, velocity_topic
 from arm_drake.description.controllers import ControllerConfig
-from arm_drake.description.gazebo_nodes import simulator_of
+from arm_drake.description.drive_gains import simulator_of
 from arm_drake.description.robot import Robot
 from arm_drake.description.ros2_control import CLASSIC
 from arm_drake.diagram import build_diagram

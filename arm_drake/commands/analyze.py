@@ -14,9 +14,8 @@ from arm_drake.commands.planning import read_target
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
 from arm_drake.options import SimulationOptions
-from arm_drake.output_files import check_writable
-from arm_drake.visualization.bode_plot import plot_bode
-from arm_drake.visualization.plot import check_plot_path
+from arm_drake.output_files import check_plot_path, check_writable
+from arm_drake.visualization.analysis_plots import plot_bode
 
 # How far responses may be off within the region that is told, of their height.
 _TOLERANCE = 0.05

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from arm_drake.errors import InputError, suggest
-from arm_drake.output_files import IMAGE_FORMATS
-from arm_drake.visualization.plot import PLOT_KINDS
+from arm_drake.output_files import IMAGE_FORMATS, PLOT_KINDS
 
 
 def pair(separator: str) -> Any:

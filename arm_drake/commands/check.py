@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from arm_drake.description.controller_manager_parameters import MANAGER
+from arm_drake.description.controllers import MANAGER
 from arm_drake.description.report import LoadReport, ReportEntry
 from arm_drake.description.robot import Robot
 from arm_drake.description.urdf import reach, total_mass

@@ -7,11 +7,10 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
-from arm_drake.output_files import check_writable
+from arm_drake.output_files import check_plot_path, check_writable
 from arm_drake.rollout.comparison import Comparison, compare
 from arm_drake.rollout.rollout import TIME, Rollout
-from arm_drake.visualization.comparison_plot import plot_comparison
-from arm_drake.visualization.plot import check_plot_path
+from arm_drake.visualization.analysis_plots import plot_comparison
 
 # Exit codes.
 _EQUAL, _DIFFERENT = 0, 1

@@ -16,7 +16,7 @@ from arm_drake.batch.statistics import mean_interval, rate_interval
 from arm_drake.batch.study import Study, load_study
 from arm_drake.errors import InputError, MissingExtraError
 from arm_drake.output_files import check_writable, writing
-from arm_drake.visualization.study_plot import plot_study
+from arm_drake.visualization.analysis_plots import plot_study
 
 # So many of the worst runs are named.
 _MOST_NAMED = 3

@@ -19,7 +19,12 @@ from arm_drake.messages import (
     GoalStatus,
     SwitchControllerResult,
 )
-from arm_drake.output_files import check_suffix, check_writable
+from arm_drake.output_files import (
+    PLOT_KINDS,
+    check_plot_path,
+    check_suffix,
+    check_writable,
+)
 from arm_drake.rollout.formats import can_stream, writer_for
 from arm_drake.rollout.mcap import load_types
 from arm_drake.rollout.rollout import Rollout
@@ -27,7 +32,6 @@ from arm_drake.simulation.mailbox import GoalHandle, SimulationEvent
 from arm_drake.simulation.motion import TaskOutcome
 from arm_drake.simulation.recording import read_rollout
 from arm_drake.simulation.simulation import Simulation
-from arm_drake.visualization.plot import PLOT_KINDS, check_plot_path
 from arm_drake.visualization.recording import save_recording
 from arm_drake.visualization.screenshot import (
     SCREENSHOT_SUFFIXES,

@@ -16,7 +16,12 @@ from arm_drake.commands.arguments import loading_words
 from arm_drake.description.elements import parse_float
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
-from arm_drake.output_files import check_suffix, check_writable, writing
+from arm_drake.output_files import (
+    check_plot_path,
+    check_suffix,
+    check_writable,
+    writing,
+)
 from arm_drake.planning.groups import (
     WHOLE_POSE,
     find_group,
@@ -26,7 +31,6 @@ from arm_drake.planning.groups import (
 from arm_drake.planning.inverse_kinematics import solve_ik
 from arm_drake.planning.motion_planning import Plan, Target, plan
 from arm_drake.planning.orientation_constraint import OrientationConstraint
-from arm_drake.visualization.plot import check_plot_path
 
 
 def run_ik(options: argparse.Namespace, robot: Robot) -> int:

@@ -22,7 +22,7 @@ from arm_drake.commands.page import (
 )
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
-from arm_drake.plant.drake_log import use_native_logging
+from arm_drake.plant.plant import use_native_logging
 from arm_drake.rollout.rollout import Rollout
 from arm_drake.visualization.page import Scene
 from arm_drake.visualization.page.replay import Replay, ReplayPage, load_recorded_robot

@@ -37,8 +37,9 @@ from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
 from arm_drake.errors import InputError, SimulationError
 from arm_drake.options import SimulationOptions
-from arm_drake.plant.drake_log import use_native_logging
+from arm_drake.output_files import PLOT_KINDS
 from arm_drake.plant.payloads import Payload
+from arm_drake.plant.plant import use_native_logging
 from arm_drake.scene import Scene, load_scene
 from arm_drake.simulation.motion import Motion, default_duration
 from arm_drake.simulation.motion_files import find_motion
@@ -50,7 +51,6 @@ from arm_drake.simulation.playback import (
 from arm_drake.simulation.recording import find_build_info, list_failures
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.drawing import run_drawing
-from arm_drake.visualization.plot import PLOT_KINDS
 from arm_drake.visualization.recording import start_recording
 from arm_drake.visualization.video import FRAME_RATE
 from arm_drake.worlds.world import load_world

@@ -13,8 +13,7 @@ from arm_drake.description.elements import parse_float
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
 from arm_drake.options import SimulationOptions
-from arm_drake.output_files import check_writable, writing
-from arm_drake.visualization.plot import check_plot_path
+from arm_drake.output_files import check_plot_path, check_writable, writing
 
 # Exit codes.
 _KEPT, _NOT_KEPT = 0, 1

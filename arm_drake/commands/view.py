@@ -24,7 +24,7 @@ from arm_drake.diagram import build_diagram
 from arm_drake.errors import InputError, suggest
 from arm_drake.options import SimulationOptions
 from arm_drake.output_files import check_suffix, check_writable
-from arm_drake.plant.drake_log import use_native_logging
+from arm_drake.plant.plant import use_native_logging
 from arm_drake.scene import Scene
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.page import Page

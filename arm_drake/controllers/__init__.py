@@ -11,7 +11,6 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
-from arm_drake.controllers.other_types import load_other_types, parameters_of
 from arm_drake.controllers.registry import (
     STANDARD_TYPES,
     ControllerType,
@@ -20,6 +19,8 @@ from arm_drake.controllers.registry import (
     check_controller_type,
     check_controller_types,
     installed_types,
+    load_other_types,
+    parameters_of,
 )
 
 __all__ = [

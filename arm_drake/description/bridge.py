@@ -14,8 +14,7 @@ from typing import Literal
 import yaml
 
 from arm_drake import yaml_files
-from arm_drake.description.bundled import configs_folder
-from arm_drake.description.entry import Source, text_of
+from arm_drake.description.entry import Source, configs_folder, text_of
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import suggest

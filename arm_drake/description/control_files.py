@@ -6,10 +6,12 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from arm_drake.description.bundled import configs_folder
-from arm_drake.description.controller_manager_parameters import MANAGER
-from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
-from arm_drake.description.entry import Source, text_of
+from arm_drake.description.controllers import (
+    MANAGER,
+    ControllerConfig,
+    ControllerManagerConfig,
+)
+from arm_drake.description.entry import Source, configs_folder, text_of
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.parameters import Parameter
 from arm_drake.description.plugin_control import moving_plugins, plugin_joints

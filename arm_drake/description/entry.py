@@ -1,10 +1,13 @@
-"""Entry file of a robot's description, by its path, its folder or a name."""
+"""Entry file of a robot's description, by its path, its folder or a name.
+
+Names are those of the robots that come with arm_drake, whose folders are found here,
+and of examples.
+"""
 
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from arm_drake.description.bundled import bundled_robots
 from arm_drake.errors import (
     DescriptionError,
     MissingExtraError,
@@ -12,6 +15,42 @@ from arm_drake.errors import (
     suggest,
     suggest_file,
 )
+
+
+def _data_folder(name: str) -> Path:
+    """Return a data folder: inside an installed package, beside it in a checkout."""
+    package = Path(__file__).resolve().parents[1]
+    installed = package / name
+    return installed if installed.is_dir() else package.parent / name
+
+
+def models_folder() -> Path:
+    """Return the folder of the bundled robot packages."""
+    return _data_folder("models")
+
+
+def configs_folder() -> Path:
+    """Return the folder of controllers and motions of the bundled robots."""
+    return _data_folder("configs")
+
+
+def bundled_robots() -> dict[str, Path]:
+    """Return the entry files of the bundled robots by name."""
+    robots = {}
+    for folder in sorted(models_folder().glob("*/")):
+        for suffix in (".urdf.xacro", ".urdf"):
+            entry = folder / "urdf" / f"{folder.name}{suffix}"
+            if entry.is_file():
+                robots[folder.name] = entry
+                break
+    return robots
+
+
+def bundled_motions(robot: str) -> dict[str, Path]:
+    """Return the motion files of a bundled robot by name."""
+    folder = configs_folder() / robot / "motions"
+    return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
+
 
 # How an example is named: `example:ur5_robot`.
 EXAMPLE = "example:"
@@ -24,7 +63,7 @@ def example_robots() -> dict[str, Path]:
 
     A robot is called as its file, where several are, after `<folder>/`.
     """
-    folder = _folder()
+    folder = _examples_folder()
     files = [] if folder is None else sorted(folder.rglob("*.urdf"))
     # A package may ship what its generator left empty.
     files = [path for path in files if b"<link" in path.read_bytes()]
@@ -39,7 +78,7 @@ def example_robots() -> dict[str, Path]:
 
 def find_example(name: str) -> Path:
     """Return the URDF file of an example."""
-    if _folder() is None:
+    if _examples_folder() is None:
         raise MissingExtraError(_DISTRIBUTION, extra="robots")
     robots = example_robots()
     if name not in robots:
@@ -47,7 +86,7 @@ def find_example(name: str) -> Path:
     return robots[name]
 
 
-def _folder() -> Path | None:
+def _examples_folder() -> Path | None:
     """Return the folder of the robots, without an import: the package is data alone."""
     import importlib.metadata  # With e-mail and more; only examples need it.
 

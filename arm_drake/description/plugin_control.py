@@ -12,8 +12,11 @@ from typing import Any, NamedTuple, TypeAlias
 
 from arm_drake import interfaces
 from arm_drake.description.claimed_hardware import claimed_joints, make_block
-from arm_drake.description.controller_manager_parameters import MANAGER
-from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
+from arm_drake.description.controllers import (
+    MANAGER,
+    ControllerConfig,
+    ControllerManagerConfig,
+)
 from arm_drake.description.elements import free_name
 from arm_drake.description.gazebo_plugins import (
     DiffDrive,

@@ -18,26 +18,23 @@ from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.base_wheels import (
     Axle,
     MobileBase,
+    Rollers,
     find_axles,
     find_bases,
     find_load_inertia,
+    find_rollers,
     moved_joints,
     report_axles,
     report_bases,
+    report_rollers,
     rigid_links,
     unit_axis,
     with_axles,
+    with_rollers,
 )
-from arm_drake.description.contact_surfaces import for_drake
 from arm_drake.description.joints import joints_above
 from arm_drake.description.report import LoadReport, Severity
 from arm_drake.description.robot import Robot
-from arm_drake.description.rollers import (
-    Rollers,
-    find_rollers,
-    report_rollers,
-    with_rollers,
-)
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.manager.loaded_controllers import LoadedController
 from arm_drake.messages import (
@@ -52,7 +49,7 @@ from arm_drake.messages import (
     TwistWithCovariance,
     Vector3,
 )
-from arm_drake.plant.contact import GROUND, set_friction
+from arm_drake.plant.contact import GROUND, for_drake, set_friction
 from arm_drake.plant.initial_poses import (
     PlacedShape,
     find_shapes,

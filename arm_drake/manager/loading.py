@@ -25,12 +25,13 @@ from arm_drake.controllers.controller_interface import (
 )
 from arm_drake.controllers.gazebo import make_plugin
 from arm_drake.controllers.gazebo.plugin import find_unsupported
-from arm_drake.controllers.other_types import describe_unknown
-from arm_drake.description.controller_manager_parameters import (
+from arm_drake.controllers.registry import describe_unknown
+from arm_drake.description.controllers import (
     MANAGER,
+    ControllerConfig,
+    ControllerManagerConfig,
     HardwareComponentsInitialState,
 )
-from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
 from arm_drake.description.parameters import load_parameters
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.description.robot import Robot

@@ -53,9 +53,8 @@ from arm_drake.planning.surroundings import (
     find_standing,
     register_shapes,
 )
-from arm_drake.plant.drake_log import drake_messages
 from arm_drake.plant.joint_ranges import joint_ranges
-from arm_drake.plant.plant import add_robot_model
+from arm_drake.plant.plant import add_robot_model, drake_messages
 from arm_drake.worlds.sdf_world import LoadedWorld
 from arm_drake.worlds.world import World
 

@@ -25,13 +25,13 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 
-from arm_drake.description.contact_surfaces import with_surfaces
 from arm_drake.description.joints import joints_above, last_master
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, quoted, suggest
 from arm_drake.planning.collisions import add_colliding_robot
 from arm_drake.planning.groups import PlanningGroup, find_group, planning_groups
 from arm_drake.planning.inverse_kinematics import complete_positions
+from arm_drake.plant.contact import with_surfaces
 from arm_drake.plant.joint_ranges import find_gripper_links, find_gripper_ranges
 
 # How closely surfaces are looked at [m].

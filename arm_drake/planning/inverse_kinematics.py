@@ -30,13 +30,13 @@ from arm_drake.errors import (
 )
 from arm_drake.planning.groups import find_group, find_mask
 from arm_drake.plant.joint_ranges import joint_ranges
-from arm_drake.plant.plant import read_pose, trial_plant
-from arm_drake.plant.screws import (
+from arm_drake.plant.kinematics import (
     Screws,
     rotation_vector,
     rotation_vectors,
     swings,
 )
+from arm_drake.plant.plant import read_pose, trial_plant
 
 # What a solution may miss the pose by [m] and [rad].
 TOLERANCE = (1e-5, 1e-4)

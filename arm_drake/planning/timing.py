@@ -39,9 +39,8 @@ from arm_drake.planning.groups import (
     report_ignored,
     report_invalid,
 )
-from arm_drake.plant.drake_log import drake_messages
 from arm_drake.plant.payloads import Payload
-from arm_drake.plant.plant import make_reduced_plant, trial_plant
+from arm_drake.plant.plant import drake_messages, make_reduced_plant, trial_plant
 
 # Without a limit of its speed a joint has this one [rad/s] or [m/s]; without a limit
 # of its acceleration it needs so long to its full speed [s].

@@ -1,12 +1,15 @@
 """A robot's model in a MultibodyPlant, with one actuator per commanded joint."""
 
+import contextlib
 import copy
+import logging
 import math
 import weakref
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
+from pydrake.common import use_native_cpp_logging
 from pydrake.geometry import (
     CollisionFilterDeclaration,
     GeometrySet,
@@ -33,9 +36,46 @@ from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import DescriptionError, InputError
 from arm_drake.options import SimulationOptions
-from arm_drake.plant.drake_log import drake_messages
 from arm_drake.plant.payloads import Payload, add_payloads
 from arm_drake.timing import choose_time_step
+
+# The logger that Drake's messages go through, unless its own logging is used.
+_DRAKE = "drake"
+
+
+class _Collector(logging.Handler):
+    """Keeps messages."""
+
+    def __init__(self, messages: list[str]) -> None:
+        super().__init__()
+        self._messages = messages
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._messages.append(" ".join(record.getMessage().split()))
+
+
+@contextlib.contextmanager
+def drake_messages() -> Iterator[list[str]]:
+    """Collect Drake's warnings instead of printing them."""
+    logger = logging.getLogger(_DRAKE)
+    messages: list[str] = []
+    handlers, propagate = logger.handlers, logger.propagate
+    logger.handlers, logger.propagate = [_Collector(messages)], False
+    try:
+        yield messages
+    finally:
+        logger.handlers, logger.propagate = handlers, propagate
+
+
+def use_native_logging() -> None:
+    """Let Drake log without Python, and only errors.
+
+    Its Meshcat may wait for ever at the end if its threads log through Python. What
+    Drake warns about a robot is in the robot's report already.
+    """
+    logging.getLogger(_DRAKE).setLevel(logging.ERROR)
+    use_native_cpp_logging()
+
 
 # Drake wants a period for what is drawn on demand [s].
 _NEVER = 1e9

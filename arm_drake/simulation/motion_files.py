@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeAlias
 import yaml
 
 from arm_drake import yaml_files
-from arm_drake.description.bundled import bundled_motions, bundled_robots
+from arm_drake.description.entry import bundled_motions, bundled_robots
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, MotionError, suggest
 from arm_drake.messages import (

@@ -1,7 +1,7 @@
 """Plots of a rollout and of a plan, one function for each kind.
 
-They import matplotlib, so that who draws nothing must not import them; `plot` has what
-is known without it. None uses pyplot: a picture needs no window.
+They import matplotlib, so that who draws nothing must not import them; `output_files`
+has what is known without it. None uses pyplot: a picture needs no window.
 """
 
 import dataclasses as dc
@@ -20,12 +20,11 @@ from numpy.typing import NDArray
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.errors import InputError, suggest
-from arm_drake.output_files import writing
+from arm_drake.output_files import PLOT_KINDS, check_plot_path, writing
 from arm_drake.planning.inverse_kinematics import forward_kinematics
 from arm_drake.planning.motion_planning import Plan
 from arm_drake.planning.timing import motion_limits
 from arm_drake.rollout.rollout import Rollout
-from arm_drake.visualization.plot import PLOT_KINDS, check_plot_path
 from arm_drake.visualization.plot_panels import (
     COMMANDED,
     DASHES,

@@ -21,11 +21,11 @@ from pydrake.multibody.tree import (
     world_index,
 )
 
-from arm_drake.description.bundled import models_folder
 from arm_drake.description.elements import free_name
+from arm_drake.description.entry import models_folder
 from arm_drake.errors import InputError, suggest
 from arm_drake.plant.contact import add_ground
-from arm_drake.plant.drake_log import drake_messages
+from arm_drake.plant.plant import drake_messages
 from arm_drake.worlds.sdf_files import name_of
 from arm_drake.worlds.sdf_models import FOLDER
 from arm_drake.worlds.sdf_world import LoadedWorld, SdfWorld, read_world

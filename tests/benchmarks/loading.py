@@ -37,7 +37,7 @@ def find_entries() -> list[Entry]:
     import pytest
     import yaml
 
-    from arm_drake.description.bundled import bundled_robots, models_folder
+    from arm_drake.description.entry import bundled_robots, models_folder
     from tests.robots import robots_folder
 
     bundled = bundled_robots()

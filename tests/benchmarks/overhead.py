@@ -18,7 +18,7 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 
 import arm_drake as ad
-from arm_drake.description.bundled import bundled_motions
+from arm_drake.description.entry import bundled_motions
 from tests.benchmarks.cpp_only import build_cpp_only
 
 # The tutorial's motion ends then [s].

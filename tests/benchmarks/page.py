@@ -26,7 +26,7 @@ import psutil
 from pydrake.systems.primitives import VectorLogSink
 
 import arm_drake as ad
-from arm_drake.description.bundled import bundled_motions
+from arm_drake.description.entry import bundled_motions
 from tests import test_interrupt
 from tests.test_memory import empty_logs, resident_memory
 

@@ -4,12 +4,12 @@ from typing import Any
 
 import pytest
 
-from arm_drake.control.diff_drive import (
+from arm_drake.control.odometry import (
     DiffDriveKinematics,
     DiffDriveOdometryState,
+    RollingMean,
     from_commands,
 )
-from arm_drake.control.odometry import RollingMean
 from tests.oracle import assert_close, oracle_cases
 
 CASES = oracle_cases("diff_drive_odometry")

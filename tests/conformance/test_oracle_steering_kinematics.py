@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from arm_drake.control.odometry import RollingMean
-from arm_drake.control.steering import (
+from arm_drake.control.odometry import (
+    RollingMean,
     SteeringGeometry,
     SteeringOdometry,
     to_wheel_commands,

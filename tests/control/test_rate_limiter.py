@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from arm_drake.control.rate_limiter import RateLimiter
+from arm_drake.control.filters import RateLimiter
 
 NAN = math.nan
 DT = 0.5

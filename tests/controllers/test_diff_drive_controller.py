@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.control.diff_drive import (
+from arm_drake.control.odometry import (
     DiffDriveKinematics,
     DiffDriveOdometryState,
+    RollingMean,
     from_commands,
 )
-from arm_drake.control.odometry import RollingMean
 from arm_drake.controllers.bases.diff_drive_controller import (
     DiffDriveController,
     DiffDriveControllerParameters,

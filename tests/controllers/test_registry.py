@@ -18,7 +18,7 @@ from arm_drake.controllers.controller_interface import (
     TickingController,
 )
 from arm_drake.controllers.cycles import UpdateContext
-from arm_drake.controllers.other_types import describe_unknown
+from arm_drake.controllers.registry import describe_unknown
 from arm_drake.errors import InputError
 from arm_drake.messages import NANOSECONDS
 from tests import models

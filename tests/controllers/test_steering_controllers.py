@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.control.odometry import PlanarPose, RollingMean
-from arm_drake.control.steering import (
+from arm_drake.control.odometry import (
+    PlanarPose,
+    RollingMean,
     SteeringGeometry,
     SteeringOdometry,
     to_base_velocity,

@@ -8,7 +8,7 @@ import pytest
 import arm_drake as ad
 from arm_drake import cli
 from arm_drake.controllers import CONTROLLER_TYPES, find_controller_type
-from arm_drake.controllers.other_types import load_other_types
+from arm_drake.controllers.registry import load_other_types
 from tests import models
 
 JTC = "joint_trajectory_controller/JointTrajectoryController"

@@ -7,10 +7,11 @@ from typing import Any
 
 import pytest
 
-from arm_drake.description.controller_manager_parameters import (
+from arm_drake.description.controllers import (
+    ControllerManagerConfig,
     HardwareComponentsInitialState,
+    load_controllers,
 )
-from arm_drake.description.controllers import ControllerManagerConfig, load_controllers
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import ParameterError

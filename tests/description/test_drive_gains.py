@@ -6,8 +6,12 @@ from pathlib import Path
 import pytest
 
 from arm_drake.description.controllers import load_controllers
-from arm_drake.description.drive_gains import DriveGains, find_drive_gains, holds_joints
-from arm_drake.description.gazebo_nodes import gazebo_nodes
+from arm_drake.description.drive_gains import (
+    DriveGains,
+    find_drive_gains,
+    gazebo_nodes,
+    holds_joints,
+)
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot

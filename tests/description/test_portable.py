@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import arm_drake as ad
-from arm_drake.description.bundled import models_folder
+from arm_drake.description.entry import models_folder
 from arm_drake.description.robot import make_portable
 
 MANIFEST = "<package><name>pkg</name></package>"

@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 
 import arm_drake as ad
-from arm_drake.description.base_wheels import find_bases
-from arm_drake.description.rollers import Rollers, find_rollers, with_rollers
+from arm_drake.description.base_wheels import (
+    Rollers,
+    find_bases,
+    find_rollers,
+    with_rollers,
+)
 from tests.rollouts.test_sideways_bases import MASS, RADIUS, mecanum, omni
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import arm_drake as ad
-from arm_drake.description.contact_surfaces import for_drake
+from arm_drake.plant.contact import for_drake
 from tests import models
 
 GRAVITY = 9.81

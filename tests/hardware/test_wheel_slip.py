@@ -10,7 +10,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.math import SpatialVelocity
 
 import arm_drake as ad
-from arm_drake.description.bundled import configs_folder
+from arm_drake.description.entry import configs_folder
 from arm_drake.hardware.mobile_bases import BaseTruth, Wheel
 from arm_drake.messages import Odometry, Twist, Vector3
 from tests import models

@@ -17,7 +17,7 @@ import arm_drake as ad
 from arm_drake import interfaces
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.joint_trajectory.controller import JointTrajectoryController
-from arm_drake.description.bundled import configs_folder
+from arm_drake.description.entry import configs_folder
 from arm_drake.manager.controller_manager import SWITCH_PORT
 from arm_drake.messages import (
     Float64MultiArray,

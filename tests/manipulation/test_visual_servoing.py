@@ -9,7 +9,7 @@ import pytest
 from pydrake.multibody.math import SpatialVelocity
 
 import arm_drake as ad
-from arm_drake.description.bundled import configs_folder
+from arm_drake.description.entry import configs_folder
 from arm_drake.errors import InputError, MotionError
 from arm_drake.manipulation.visual_servoing import Feature, Servo, interaction_matrix
 from arm_drake.manipulation.visual_servoing import FollowOptions as Options

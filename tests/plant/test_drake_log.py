@@ -18,7 +18,7 @@ COLLECT = """
 import json, logging
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from arm_drake.plant.drake_log import drake_messages
+from arm_drake.plant.plant import drake_messages
 
 logged = []
 class Handler(logging.Handler):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from pydrake.multibody.tree import JacobianWrtVariable
 
+from arm_drake.plant.kinematics import Screws
 from arm_drake.plant.plant import trial_plant
-from arm_drake.plant.screws import Screws
 from tests.robots import load_real_robot
 
 # Of a chain of some rotations.

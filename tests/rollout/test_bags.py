@@ -16,7 +16,7 @@ from mcap_ros2.reader import read_ros2_messages
 from rosbags.rosbag2 import Reader
 
 import arm_drake as ad
-from arm_drake.description.bundled import bundled_motions, bundled_robots
+from arm_drake.description.entry import bundled_motions, bundled_robots
 from arm_drake.rollout.bag import CONTACTS, contact_topic
 from arm_drake.rollout.link_poses import multiply, read_transforms, rotate
 from tests.carts import cart, diff_drive

@@ -11,7 +11,7 @@ import trimesh
 from numpy.typing import NDArray
 
 import arm_drake as ad
-from arm_drake.description.bundled import bundled_motions, models_folder
+from arm_drake.description.entry import bundled_motions, models_folder
 
 Array = NDArray[np.float64]
 

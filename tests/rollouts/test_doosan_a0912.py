@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import arm_drake as ad
-from arm_drake.description.bundled import bundled_motions, models_folder
+from arm_drake.description.entry import bundled_motions, models_folder
 from tests.robots import real_robot
 
 JTC = "joint_trajectory_controller"

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import arm_drake as ad
-from arm_drake.description.bundled import bundled_robots
+from arm_drake.description.entry import bundled_robots
 from arm_drake.description.joints import JointInfo, last_master
 from arm_drake.hardware.drives import commanded_joints
 from tests.robots import load_real_robot, read_index, robot_names

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import arm_drake as ad
-from arm_drake.description.bundled import bundled_motions, models_folder
+from arm_drake.description.entry import bundled_motions, models_folder
 from arm_drake.simulation.motion import Motion
 
 ROBOT = "mycobot_280"

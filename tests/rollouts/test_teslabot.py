@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 import arm_drake as ad
-from arm_drake.description.bundled import bundled_motions, models_folder
+from arm_drake.description.entry import bundled_motions, models_folder
 from arm_drake.messages import Duration
 
 ELBOWS = ["arm_upper_to_lower_right", "arm_upper_to_lower_left"]

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 import arm_drake as ad
-from arm_drake.description.bundled import bundled_motions, bundled_robots
+from arm_drake.description.entry import bundled_motions, bundled_robots
 from arm_drake.description.joints import JointInfo, JointLimits, beyond_limits
 from arm_drake.errors import ArmDrakeError, MotionError
 from arm_drake.messages import (

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import arm_drake as ad
-from arm_drake.description.bundled import bundled_motions
+from arm_drake.description.entry import bundled_motions
 from arm_drake.errors import InputError
 from tests.carts import cart, diff_drive
 from tests.carts import load as load_cart

@@ -15,7 +15,7 @@ from mcap_ros2.reader import read_ros2_messages
 from pydrake.systems.primitives import VectorLogSink
 
 import arm_drake as ad
-from arm_drake.description.bundled import bundled_motions
+from arm_drake.description.entry import bundled_motions
 from arm_drake.errors import InputError
 from arm_drake.rollout.bag import BagWriter
 from arm_drake.rollout.mcap import McapFile

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 from arm_drake.cli import make_parser
 from arm_drake.errors import InputError
+from arm_drake.output_files import PLOT_KINDS
 from arm_drake.rollout.rollout import GoalRecord, Reference, Rollout
-from arm_drake.visualization.plot import PLOT_KINDS
 from tests.made_rollouts import make_described
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from arm_drake.description.bundled import bundled_robots
+from arm_drake.description.entry import bundled_robots
 from arm_drake.wire.foxglove import find_asset
 from tests.wire.served import JTC, port_of, run_node, served, simulation
 

@@ -12,7 +12,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FrameIndex, world_index
 
 import arm_drake as ad
-from arm_drake.description.bundled import models_folder
+from arm_drake.description.entry import models_folder
 from arm_drake.worlds.world import add_world, load_world
 from tests import models
 from tests.robots import real_robot

@@ -13,8 +13,8 @@ from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from arm_drake import interfaces
+from arm_drake.control.filters import RateLimiter
 from arm_drake.control.odometry import PlanarPose
-from arm_drake.control.rate_limiter import RateLimiter
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.topics import INACTIVE, TopicController, TopicState
 from arm_drake.description.parameters import (

@@ -2,7 +2,7 @@
 
 Source: ros2_controllers, `diff_drive_controller` (version 6.9.0; humble starts with a
 command of 0; defaults of jazzy, and by rule those of other distros). Kinematics and
-odometry are `arm_drake.control.diff_drive`.
+odometry are `arm_drake.control.odometry`.
 """
 
 import dataclasses as dc
@@ -14,14 +14,15 @@ import numpy as np
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.control.diff_drive import (
+from arm_drake.control.filters import RateLimiter
+from arm_drake.control.odometry import (
     DiffDriveKinematics,
     DiffDriveMotion,
     DiffDriveOdometryState,
+    PlanarPose,
+    RollingMean,
     from_commands,
 )
-from arm_drake.control.odometry import PlanarPose, RollingMean
-from arm_drake.control.rate_limiter import RateLimiter
 from arm_drake.controllers.bases.base import (
     BaseCommand,
     BaseController,

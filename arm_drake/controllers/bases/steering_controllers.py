@@ -2,7 +2,7 @@
 
 Source: ros2_controllers, `steering_controllers_library`, `bicycle_steering_controller`,
 `tricycle_steering_controller`, `ackermann_steering_controller` (version 6.9.0; names of
-humble by `adapt`). The equations are in `arm_drake.control.steering`.
+humble by `adapt`). The equations are in `arm_drake.control.odometry`.
 """
 
 import dataclasses as dc
@@ -15,8 +15,9 @@ import numpy as np
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.control.odometry import PlanarPose, RollingMean
-from arm_drake.control.steering import (
+from arm_drake.control.odometry import (
+    PlanarPose,
+    RollingMean,
     SteeringGeometry,
     SteeringOdometry,
     to_wheel_commands,

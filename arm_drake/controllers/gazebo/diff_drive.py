@@ -2,7 +2,7 @@
 
 Sources: gz-sim, src/systems/diff_drive/DiffDrive.cc (Ignition Gazebo has the same);
 gz-math, src/SpeedLimiter.cc, and src/DiffDriveOdometry.cc, which is that of
-`arm_drake.control.diff_drive`; of Gazebo Classic gazebo_ros_pkgs, branch ros2,
+`arm_drake.control.odometry`; of Gazebo Classic gazebo_ros_pkgs, branch ros2,
 gazebo_plugins/src/gazebo_ros_diff_drive.cpp.
 """
 
@@ -16,12 +16,13 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.control.diff_drive import (
+from arm_drake.control.odometry import (
     DiffDriveKinematics,
     DiffDriveMotion,
     DiffDriveOdometryState,
+    PlanarPose,
+    RollingMean,
 )
-from arm_drake.control.odometry import PlanarPose, RollingMean
 from arm_drake.controllers.bases.base import (
     BaseFrames,
     Velocity,

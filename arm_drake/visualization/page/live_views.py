@@ -23,8 +23,13 @@ from arm_drake.visualization.ghost import BLUE, Ghost
 from arm_drake.visualization.link_drawings import VISUAL_PATH
 from arm_drake.visualization.meshcat import THREE_QUARTER, set_ground_visible
 from arm_drake.visualization.page import Choice, Scene, Toggle, Widget
-from arm_drake.visualization.page.link_readout import LinkReadout, ThingFacts
-from arm_drake.visualization.page.panel import LinkViews, frame_names, make_fixed_frame
+from arm_drake.visualization.page.panel import (
+    LinkReadout,
+    LinkViews,
+    ThingFacts,
+    frame_names,
+    make_fixed_frame,
+)
 from arm_drake.visualization.trail import Trail
 from arm_drake.worlds.things import free_bodies
 

@@ -13,7 +13,7 @@ from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 
 from arm_drake.arrays import Array
-from arm_drake.description.bundled import bundled_robots, models_folder
+from arm_drake.description.entry import bundled_robots, models_folder
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, suggest
 from arm_drake.loading import load_robot
@@ -30,7 +30,7 @@ from arm_drake.visualization.page import (
     Text,
 )
 from arm_drake.visualization.page.live_simulation import do_events, read_rate
-from arm_drake.visualization.page.robot_scene import RobotScene
+from arm_drake.visualization.page.robot_viewer import RobotScene
 
 # What a description has for its controllers, which don't run here.
 _CONTROL = ("gazebo", "ros2_control", "transmission")

@@ -13,8 +13,8 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.visualization.page import Event, Scene
-from arm_drake.visualization.page.link_readout import LinkReadout
 from arm_drake.visualization.page.live_views import LiveViews
+from arm_drake.visualization.page.panel import LinkReadout
 from arm_drake.visualization.page.robot_viewer import RobotViewer
 from tests.models import FALLING_BALL, GRAVITY, MASS, TWO_LINKS, load
 

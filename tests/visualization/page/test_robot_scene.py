@@ -8,7 +8,7 @@ from pydrake.geometry import Meshcat
 
 import arm_drake as ad
 from arm_drake.plant.joint_ranges import complete
-from arm_drake.visualization.page.robot_scene import RobotScene
+from arm_drake.visualization.page.robot_viewer import RobotScene
 from tests.models import GRIPPER, TWO_LINKS, bob, joint, load
 from tests.shown import show_robot
 from tests.visualization import scene
