@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
+from pydrake.multibody.tree import JacobianWrtVariable
 
 from arm_drake.arrays import Array
 from arm_drake.batch.api import run_many
@@ -566,8 +567,6 @@ def _rolled_mass(rig: _Rig, plant: Any) -> float:
 
 def _jacobian(plant: Any, context: Any, link: str) -> Array:
     """Return a link's translational Jacobian, shape (3, v)."""
-    from pydrake.multibody.tree import JacobianWrtVariable
-
     world, frame = plant.world_frame(), plant.GetFrameByName(link)
     kind = JacobianWrtVariable.kV
     return np.asarray(

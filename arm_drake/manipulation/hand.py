@@ -7,7 +7,7 @@ simulation does so. What is known of the scene is read from the simulation.
 import dataclasses as dc
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.geometry import Box, SceneGraph
@@ -24,6 +24,7 @@ from arm_drake.manipulation.activities import (
     find_drive,
     is_above,
 )
+from arm_drake.perception.boxes import FoundBox
 from arm_drake.planning.grasps import (
     Grasp,
     GraspedShape,
@@ -43,9 +44,6 @@ from arm_drake.planning.orientation_constraint import OrientationConstraint
 from arm_drake.planning.setting import PlanningError, find_moving
 from arm_drake.plant.plant import read_pose
 from arm_drake.worlds.things import free_bodies
-
-if TYPE_CHECKING:
-    from arm_drake.perception.boxes import FoundBox
 
 # A gripper has stalled if it moves by less than a part of its stroke per second for a
 # while [s]; it has so long at most [s].
@@ -94,7 +92,7 @@ class PickOptions:
 
     # To pick: the box as a camera saw it, in the world. Its pose and size are taken
     # from there; None is as the simulation knows them.
-    seen: "FoundBox | None" = None
+    seen: FoundBox | None = None
 
     # To pick: a camera of the simulation that looks for the box, before each grasp.
     # Labels tell which pixels show it, and which the robot; all else is from depths.
