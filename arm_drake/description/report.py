@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Literal
 
-from arm_drake.errors import Located
+from arm_drake.errors import Located, first_names
 
 Severity = Literal["info", "warning", "error"]
 # The order in which people read them.
@@ -69,9 +69,8 @@ def _together(entries: list[ReportEntry]) -> ReportEntry:
     # Such as "ros2_control 'arm', ", if all are in that block.
     blocks = {"".join(each.rpartition(", ")[:2]) for each in places}
     block = blocks.pop() if len(blocks) == 1 else ""
-    named = block + ", ".join(each.removeprefix(block) for each in places[:_MAX_PLACES])
-    if len(places) > _MAX_PLACES:
-        named += f" and {len(places) - _MAX_PLACES} more"
+    short = [each.removeprefix(block) for each in places]
+    named = block + first_names(short, _MAX_PLACES)
     lines = {entry.line for entry in entries}
     line = lines.pop() if len(lines) == 1 else None
     done = entries[0].done
