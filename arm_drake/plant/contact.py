@@ -1,10 +1,12 @@
 """Contact: forces between bodies, friction, and overlaps before anything moves."""
 
 import contextlib
+import itertools
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.geometry import (
     AddCompliantHydroelasticProperties,
@@ -18,6 +20,7 @@ from pydrake.geometry import (
     Mesh,
     PenetrationAsPointPair,
     PerceptionProperties,
+    PolygonSurfaceMesh,
     ProximityProperties,
     QueryObject,
     RenderLabel,
@@ -30,6 +33,7 @@ from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, RigidBody, world_index
 from pydrake.systems.framework import BasicVector, Context, Diagram
 
+from arm_drake.arrays import Array
 from arm_drake.messages.sensors import ContactsState
 from arm_drake.python_system import PythonSystem
 
@@ -345,6 +349,22 @@ _SIZE = (100.0, 100.0, 1.0)
 
 # Gazebo's.
 _GROUND_COLOR = Rgba(0.8, 0.8, 0.8, 1.0)
+
+
+def hull_vertices(hull: PolygonSurfaceMesh) -> Array:
+    """Return the vertices of a hull [m], shape (n, 3)."""
+    return np.array([hull.vertex(i) for i in range(hull.num_vertices())])
+
+
+def hull_triangles(hull: PolygonSurfaceMesh) -> NDArray[np.int64]:
+    """Return triangles that cover a hull, as indices of vertices, shape (n, 3)."""
+    triangles = []
+    for index in range(hull.num_faces()):
+        face = hull.element(index)
+        corners = [face.vertex(i) for i in range(face.num_vertices())]
+        # A face of a hull is convex: a fan covers it.
+        triangles += [(corners[0], b, c) for b, c in itertools.pairwise(corners[1:])]
+    return np.array(triangles)
 
 
 def add_ground(plant: MultibodyPlant) -> None:
