@@ -184,15 +184,8 @@ class RayScene:
     ) -> Array:
         """Return how far rays come [m], shape (n,); +inf where they meet nothing.
 
-        Args:
-            query: Tells where the frames are.
-            origin: Where the rays begin in the world [m], shape (3,).
-            ways: Their unit vectors in the world, shape (n, 3).
-            shortest: What is nearer isn't met [m].
-            longest: How far they go at most [m].
-
-        Raises:
-            ArmDrakeError: If Embree is missing, and without it would take too long.
+        They begin at a point of the world and go along unit vectors, shape (n, 3).
+        What is nearer than `shortest` isn't met, and they go as far as `longest` [m].
         """
         nearest = np.full(len(ways), np.inf)
         if not self._trees:

@@ -96,14 +96,10 @@ class CollisionModel:
         padding: float,
         positions: Mapping[str, float],
     ) -> None:
-        """Create it.
+        """Create it for independent joints that move.
 
-        Args:
-            robot: The robot.
-            joints: The joints that move: independent ones.
-            world: As that of `load_world`; what moves in it stands where it starts.
-            padding: Distance that counts as a collision [m].
-            positions: Where all joints of the robot are at first [rad] or [m].
+        What moves in the world stands where it starts. A distance of `padding` [m]
+        counts as a collision. `positions` of all joints are those at first.
         """
         self.joints = tuple(joints)
         self.world = world  # As long as a model is kept, no other world has its id.
