@@ -129,7 +129,7 @@ def execute(
             _kept.move_to_end(key)
         objects = {key: _kept[key] for key in needs}
     if topic:
-        _tell_dask(topic, [index for index, _ in items])
+        _log_to_dask(topic, [index for index, _ in items])
     answers = []
     for index, item in items:
         # What can't be read is that run's error, too.
@@ -163,7 +163,7 @@ def _run(
     return contextvars.copy_context().run(run)
 
 
-def _tell_dask(topic: str, indices: Sequence[int]) -> None:
+def _log_to_dask(topic: str, indices: Sequence[int]) -> None:
     with contextlib.suppress(Exception):  # It is of no importance.
         distributed = sys.modules["distributed"]
         distributed.get_worker().log_event(topic, (indices, name_worker()))

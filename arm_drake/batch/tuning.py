@@ -695,14 +695,14 @@ class _Search:
         self.num_rollouts += len(tasks)
         results = run_many(tasks, self._rig.follow, on=self._on, progress=False)
         judge = functools.partial(
-            _badness, settle=self._rig.settle, overshoot=self._overshoot
+            _penalty, settle=self._rig.settle, overshoot=self._overshoot
         )
         each = np.array([judge(trace.response()) for trace in results.values])
         by_trial = each.reshape(len(trials), len(self._moves))
         return [float(row.mean() + row.max()) for row in by_trial]
 
 
-def _badness(response: Response, settle: float, overshoot: float) -> float:
+def _penalty(response: Response, settle: float, overshoot: float) -> float:
     parts = (
         response.settling_time / settle,
         response.overshoot / overshoot,

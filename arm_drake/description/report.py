@@ -63,7 +63,7 @@ def _key(entry: ReportEntry, of: Callable[[str], str]) -> tuple[str, ...]:
     return (entry.severity, entry.kind, entry.file or "", *map(of, texts))
 
 
-def _together(entries: list[ReportEntry]) -> ReportEntry:
+def _merge(entries: list[ReportEntry]) -> ReportEntry:
     """Return one entry for things that differ only in their places and numbers."""
     places = list(dict.fromkeys(entry.where for entry in entries if entry.where))
     # Such as "ros2_control 'arm', ", if all are in that block.
@@ -170,7 +170,7 @@ class LoadReport:
             texts = {_key(each, str) for each in alike[_key(entry, _shape)]}
             key = _key(entry, _shape if len(texts) >= _MANY else str)
             groups.setdefault(key, []).append(entry)
-        return [_together(group) for group in groups.values()]
+        return [_merge(group) for group in groups.values()]
 
     def __str__(self) -> str:
         """Return the report as lines of text, errors first, no line twice."""

@@ -309,7 +309,7 @@ class Hand:
         seen = 0
         # By what was done, the first one: those that fail at the goal got further.
         reasons: dict[str, str] = {}
-        vain: list[tuple[RigidTransform, Failure]] = []
+        rejected: list[tuple[RigidTransform, Failure]] = []
         for grasp in grasps:
             if any(is_near(grasp.X_OP, other.X_OP) for other in tried):
                 continue
@@ -323,7 +323,7 @@ class Hand:
             closed = self.gripper.positions(grasp.pre_grasp)
             try:
                 starts = self.solve(X_WP)
-                self._check_goal(X_WO, grasp, thing, vain)
+                self._check_goal(X_WO, grasp, thing, rejected)
                 found = self.find_way(starts, [before, up], thing, closed)
             except Failure as failure:
                 reasons.setdefault(failure.stage, failure.reason)
@@ -357,7 +357,7 @@ class Hand:
         X_WO: RigidTransform,
         grasp: Grasp,
         thing: str,
-        vain: list[tuple[RigidTransform, Failure]],
+        rejected: list[tuple[RigidTransform, Failure]],
     ) -> None:
         """Raise Failure if a grasp can't get to the goal; poses in `vain` weren't."""
         if self.options.goal is None:
@@ -365,17 +365,17 @@ class Hand:
         failures = []
         for X_WG in read_goal(self.options.goal).poses(X_WO, self.base()):
             X_WP = X_WG @ grasp.X_OP
-            known = next((f for X, f in vain if is_near(X, X_WP)), None)
+            known = next((f for X, f in rejected if is_near(X, X_WP)), None)
             try:
                 if known is None:
-                    self.find_way(self.solve(X_WP), self.ways_out(X_WP), thing)
+                    self.find_way(self.solve(X_WP), self.retreat_poses(X_WP), thing)
                     return
             except Failure as failure:
-                vain.append((X_WP, known := failure))
+                rejected.append((X_WP, known := failure))
             failures.append(known)
         raise Failure("goal", f"at its goal: {failures[0].reason}")
 
-    def ways_out(self, X_WP: RigidTransform) -> list[RigidTransform]:
+    def retreat_poses(self, X_WP: RigidTransform) -> list[RigidTransform]:
         """Return where the palm is above the place of a thing, and drawn back."""
         options = self.options
         back = X_WP.rotation().matrix() @ self.gripper.approach_axis
