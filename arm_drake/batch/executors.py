@@ -9,6 +9,7 @@ Robots are loaded here, never there: their meshes go with them.
 import concurrent.futures as cf
 import contextlib
 import contextvars
+import copy
 import dataclasses as dc
 import functools
 import hashlib
@@ -231,7 +232,7 @@ class _SentRobot(NamedTuple):
     def unpack(self) -> Robot:
         """Return the robot with its files where this worker keeps them."""
         description = self.robot.description
-        root = ET.fromstring(ET.tostring(description.root))  # noqa: S314  Our own.
+        root = copy.deepcopy(description.root)
         for link in root.iterfind("link"):
             for visual in link.findall("visual"):
                 mesh = visual.find("geometry/mesh")
