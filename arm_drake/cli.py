@@ -118,8 +118,7 @@ def _end_soon() -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code.
 
-    Args:
-        arguments: Words of the command line; by default those of the process.
+    By default its arguments are those of the process.
     """
     for stream in (sys.stdout, sys.stderr):
         # Units such as "N·m" must not end in an error where only ASCII is understood.

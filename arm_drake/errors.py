@@ -5,7 +5,7 @@ with the parts that are known.
 """
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -122,6 +122,12 @@ def counted(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
+def first_names(names: Sequence[str], most: int) -> str:
+    """Return the first names in one text, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
 def _likeness(name: str, other: str) -> float:
     """Return how alike two names are, from 0 to 1."""
     return difflib.SequenceMatcher(None, other, name).ratio()
@@ -134,10 +140,7 @@ def suggest(name: str, known: Iterable[str]) -> str:
     hint = f"did you mean {close[0]!r}? " if close else ""
     if len(names) > _MAX_NAMES:
         names = sorted(names, key=lambda other: -_likeness(name, other))
-    listed = ", ".join(names[:_MAX_NAMES]) if names else "none"
-    if len(names) > _MAX_NAMES:
-        listed += f" and {len(names) - _MAX_NAMES} more"
-    return f"{hint}known: {listed}"
+    return f"{hint}known: {first_names(names, _MAX_NAMES) if names else 'none'}"
 
 
 def suggest_file(path: Path) -> str:
@@ -158,5 +161,5 @@ def suggest_file(path: Path) -> str:
     close = difflib.get_close_matches(path.stem.lower(), stems, n=1, cutoff=0.6)
     if close:
         return f"; did you mean {stems[close[0]]!r}?"
-    more = f" and {len(names) - _MAX_FILES} more" if len(names) > _MAX_FILES else ""
-    return f"; there are {quoted(names[:_MAX_FILES])}{more}" if names else ""
+    found = first_names([*map(repr, names)], _MAX_FILES)
+    return f"; there are {found}" if names else ""

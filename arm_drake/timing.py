@@ -26,17 +26,11 @@ _NANOSECONDS = 1_000_000_000
 def choose_time_step(
     max_step: float, update_rates: Sequence[int], log_rate: float | None = None
 ) -> tuple[float, list[float]]:
-    """Return the step of the plant and the periods of the managers.
+    """Return the step of the plant and the periods of the managers [s].
 
-    Args:
-        max_step: Largest step [s].
-        update_rates: Rates of the managers [Hz].
-        log_rate: Rate of a log [Hz], see `fit_period`.
-
-    Returns:
-        The step [s], at most ``max_step``, that divides every manager's period, and
-        these periods [s] as exact multiples of it. Where no step of reasonable size
-        divides all of them, the first one's is divided.
+    The step is at most `max_step` [s] and divides every manager's period; these are
+    exact multiples of it. Where no step of reasonable size divides all of them, the
+    first one's is divided. Rates are [Hz]; for that of a log see `fit_period`.
     """
     if not update_rates:
         return max_step, []

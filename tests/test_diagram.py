@@ -564,7 +564,7 @@ def test_controllers_of_several_robots_are_named_with_their_robot() -> None:
         ([1], "expected a robot of load_robot(...), got int"),
     ],
 )
-def test_what_is_no_robot_is_told(robots, expected):
+def test_what_is_no_robot_is_reported(robots, expected):
     with pytest.raises(InputError) as caught:
         ad.build_diagram(robots)
 

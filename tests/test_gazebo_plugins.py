@@ -147,7 +147,7 @@ def test_controllers_keep_their_rate_beside_a_plugin(tmp_path, rate, manager):
 
 
 @pytest.mark.slow
-def test_a_joint_that_is_missing_is_told_and_the_rest_runs(tmp_path):
+def test_a_joint_that_is_missing_is_reported_and_the_rest_runs(tmp_path):
     robot = load(
         tmp_path,
         two_links(
@@ -216,7 +216,7 @@ def test_a_joint_that_a_controller_commands_is_left_to_it(tmp_path):
         sim.topic("/model/two/joint/shoulder/cmd_pos").publish(1.0)
 
 
-def test_what_a_tag_asks_for_in_vain_is_told(tmp_path):
+def test_what_a_tag_asks_for_in_vain_is_reported(tmp_path):
     tag = plugin(POSITION, ("joint_name", "elbow"), ("use_actuator_msg", "true"))
 
     robot = load(tmp_path, two_links(tag))
@@ -542,7 +542,7 @@ def test_a_tag_keeps_the_topic_of_its_first_joint(tmp_path):
     assert "/model/two/joint/shoulder/cmd_pos" in names
 
 
-def test_the_rate_of_the_manager_is_told(tmp_path):
+def test_the_rate_of_the_manager_is_reported(tmp_path):
     yaml = tmp_path / "controllers.yaml"
     yaml.write_text(YAML.format(rate=100), encoding="utf-8")
     text = two_links(
@@ -555,7 +555,7 @@ def test_the_rate_of_the_manager_is_told(tmp_path):
 
 
 @pytest.mark.slow
-def test_forces_without_physics_are_told(tmp_path):
+def test_forces_without_physics_are_reported(tmp_path):
     robot = load(tmp_path, two_links(plugin(POSITION, ("joint_name", "elbow"))))
 
     sim = simulate(robot, preset="kinematic")

@@ -318,7 +318,7 @@ class Progress:
         self._printed_at = self._start if not self._is_in_place else -_AS_LINE
         self._width = 0
         if self._is_in_place and num_runs:
-            self._tell(self._start)
+            self._print(self._start)
 
     def add(self, *, failed: bool) -> None:
         """Count a run that has ended."""
@@ -327,17 +327,17 @@ class Progress:
         now = time.perf_counter()
         often = _IN_PLACE if self._is_in_place else _AS_LINE
         if now - self._printed_at >= often:
-            self._tell(now)
+            self._print(now)
 
     def close(self) -> None:
         """Show where it ended, and leave that line."""
         if not (self._is_shown and self._num_runs):
             return
-        self._tell(time.perf_counter())
+        self._print(time.perf_counter())
         if self._is_in_place:
             _write("\n")
 
-    def _tell(self, now: float) -> None:
+    def _print(self, now: float) -> None:
         if not self._is_shown:
             return
         self._printed_at = now

@@ -9,6 +9,7 @@ Robots are loaded here, never there: their meshes go with them.
 import concurrent.futures as cf
 import contextlib
 import contextvars
+import copy
 import dataclasses as dc
 import functools
 import hashlib
@@ -129,7 +130,7 @@ def execute(
             _kept.move_to_end(key)
         objects = {key: _kept[key] for key in needs}
     if topic:
-        _tell_dask(topic, [index for index, _ in items])
+        _log_to_dask(topic, [index for index, _ in items])
     answers = []
     for index, item in items:
         # What can't be read is that run's error, too.
@@ -163,7 +164,7 @@ def _run(
     return contextvars.copy_context().run(run)
 
 
-def _tell_dask(topic: str, indices: Sequence[int]) -> None:
+def _log_to_dask(topic: str, indices: Sequence[int]) -> None:
     with contextlib.suppress(Exception):  # It is of no importance.
         distributed = sys.modules["distributed"]
         distributed.get_worker().log_event(topic, (indices, name_worker()))
@@ -231,7 +232,7 @@ class _SentRobot(NamedTuple):
     def unpack(self) -> Robot:
         """Return the robot with its files where this worker keeps them."""
         description = self.robot.description
-        root = ET.fromstring(ET.tostring(description.root))  # noqa: S314  Our own.
+        root = copy.deepcopy(description.root)
         for link in root.iterfind("link"):
             for visual in link.findall("visual"):
                 mesh = visual.find("geometry/mesh")

@@ -194,7 +194,7 @@ class _Loop:
         start = dict(zip(self._movable, map(float, now), strict=True))
         simulation.advance_to(2.0 * self._period)
         for each in self._inputs:
-            self._tell(simulation.context, each, [start[name] for name in each.joints])
+            self._apply(simulation.context, each, [start[name] for name in each.joints])
         ticks = 2
         while simulation.time < _LONGEST_REST and not (ticks > 2 and self.is_at_rest()):
             ticks += max(1, round(_WAIT / self._period))
@@ -297,7 +297,7 @@ class _Loop:
         at = [self._movable.index(joint) for joint in self._joints]
         return self._values(context)[::2][:, at]
 
-    def _tell(self, context: Context, input_: _Input, values: Sequence[float]) -> None:
+    def _apply(self, context: Context, input_: _Input, values: Sequence[float]) -> None:
         """Have a controller be told positions at its next tick."""
         if input_.make is not None:
             port, message = input_.make(values)
@@ -316,7 +316,7 @@ class _Loop:
         for input_ in self._inputs:
             state = self._state_of(start).ticks[input_.controller].state
             now = _references(state, len(input_.joints))
-            self._tell(
+            self._apply(
                 context,
                 input_,
                 [

@@ -95,18 +95,18 @@ def attempt(function: Callable[[Any], Any], index: int, item: Any) -> Done:
     try:
         value = function(item)
     except Exception as raised:
-        error = _tidy(raised, raised)
+        error = _without_frames(raised, raised)
     except Stop:
         raise
     except BaseException as raised:
         # Of Ctrl-C, where nobody sends this to threads and workers.
         if isinstance(raised, KeyboardInterrupt) and not is_nested():
             raise
-        error = _tidy(RunError(f"the run raised {raised!r}"), raised)
+        error = _without_frames(RunError(f"the run raised {raised!r}"), raised)
     return Done(index, value, error, time.perf_counter() - start)
 
 
-def _tidy(error: Exception, raised: BaseException) -> Exception:
+def _without_frames(error: Exception, raised: BaseException) -> Exception:
     """Return an error that holds no frames, hence no simulations.
 
     Where it was raised is a note, unless its message is meant for users.
@@ -214,7 +214,7 @@ class _Server:
                 self._fork(*fds)
             elif key.fileobj == self._wake:
                 os.read(self._wake, 1024)
-                self._bury()
+                self._reap()
             elif key.data in self._status:  # Nobody waits for this child.
                 self._selector.unregister(key.fileobj)
                 _kill(key.data)
@@ -258,7 +258,7 @@ class _Server:
         finally:
             os._exit(code)
 
-    def _bury(self) -> None:
+    def _reap(self) -> None:
         while self._status:
             pid, status = os.waitpid(-1, os.WNOHANG)
             if pid == 0:
@@ -634,7 +634,7 @@ class Pool:
                 if worker.connection in ready:
                     self._take(worker)
                 elif worker.status in ready:
-                    self._bury(worker)
+                    self._note_death(worker)
                 elif worker.index is not None and self._is_late(worker):
                     self._end_late(worker)
             # They go on while the caller looks at what has ended.
@@ -691,7 +691,7 @@ class Pool:
         try:
             done = worker.take()
         except (EOFError, OSError):  # Its status tells why.
-            self._bury(worker)
+            self._note_death(worker)
             return
         if done is not None:
             self._ended.append(done)
@@ -700,7 +700,7 @@ class Pool:
         elif worker.leaves:
             self._remove(worker)
 
-    def _bury(self, worker: _Worker) -> None:
+    def _note_death(self, worker: _Worker) -> None:
         """Note the end of a worker that died."""
         code = worker.status.recv(16)
         why = _describe_end(int(code) if code else None)

@@ -515,12 +515,7 @@ class RunStore:
     """The file of a study, open for this program alone."""
 
     def __init__(self, path: str | Path, items: Sequence[Any]) -> None:
-        """Open or make it.
-
-        Raises:
-            InputError: If it is no such file, of other runs, or another program's now.
-            OutputError: If it can't be written.
-        """
+        """Open or make it; InputError if it is of other runs, or another program's."""
         self.path = Path(path)
         self._prints = [fingerprint(item) for item in items]
         # What was there: the runs that ended well, by index.
@@ -572,11 +567,7 @@ class RunStore:
         self.done[index] = Done(index, value, None, wall_time)
 
     def add(self, done: Done) -> None:
-        """Write a run that has ended; one that failed is left for the next time.
-
-        Raises:
-            OutputError: If the disk is full; what is written already stays.
-        """
+        """Write a run that has ended; one that failed is left for the next time."""
         if done.error is not None:
             return
         mark = self._prints[done.index]

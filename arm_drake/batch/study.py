@@ -26,6 +26,7 @@ from typing import Any
 
 import cloudpickle
 import numpy as np
+import yaml
 
 from arm_drake.arrays import Array
 from arm_drake.batch.changes import change_robot
@@ -247,8 +248,6 @@ def _read_study(root: Value) -> Study:
 
 def _robot_value(root: Value, fields: Mapping[str, Value]) -> Value:
     """Return a robot with its motion, as scenes have it."""
-    import yaml
-
     value = fields["robot"]
     entries = []
     if isinstance(value.node, yaml.MappingNode):
@@ -264,8 +263,6 @@ def _robot_value(root: Value, fields: Mapping[str, Value]) -> Value:
 
 
 def _key(name: str, value: Value) -> Any:
-    import yaml
-
     marks = value.node.start_mark, value.node.end_mark
     return yaml.ScalarNode("tag:yaml.org,2002:str", name, *marks)
 

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
+from pydrake.multibody.tree import JacobianWrtVariable
 
 from arm_drake.arrays import Array
 from arm_drake.batch.api import run_many
@@ -566,8 +567,6 @@ def _rolled_mass(rig: _Rig, plant: Any) -> float:
 
 def _jacobian(plant: Any, context: Any, link: str) -> Array:
     """Return a link's translational Jacobian, shape (3, v)."""
-    from pydrake.multibody.tree import JacobianWrtVariable
-
     world, frame = plant.world_frame(), plant.GetFrameByName(link)
     kind = JacobianWrtVariable.kV
     return np.asarray(
@@ -696,14 +695,14 @@ class _Search:
         self.num_rollouts += len(tasks)
         results = run_many(tasks, self._rig.follow, on=self._on, progress=False)
         judge = functools.partial(
-            _badness, settle=self._rig.settle, overshoot=self._overshoot
+            _penalty, settle=self._rig.settle, overshoot=self._overshoot
         )
         each = np.array([judge(trace.response()) for trace in results.values])
         by_trial = each.reshape(len(trials), len(self._moves))
         return [float(row.mean() + row.max()) for row in by_trial]
 
 
-def _badness(response: Response, settle: float, overshoot: float) -> float:
+def _penalty(response: Response, settle: float, overshoot: float) -> float:
     parts = (
         response.settling_time / settle,
         response.overshoot / overshoot,

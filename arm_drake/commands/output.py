@@ -87,7 +87,7 @@ class Speaker:
             self.line(text)
 
     def watch(self, simulation: Simulation) -> None:
-        """Tell news of a simulation, and how well its goals are followed."""
+        """Tell events of a simulation, and how well its goals are followed."""
         self._simulation = simulation
         simulation.on_event(self.event)
 
@@ -141,7 +141,7 @@ class Speaker:
         return " and ".join(text for text in texts if not text.startswith("0.0 "))
 
     def event(self, event: SimulationEvent) -> None:
-        """Tell news of goals and switches; what fails is told at the end."""
+        """Tell events of goals and switches; what fails is told at the end."""
         if isinstance(event, SwitchControllerResult) and event.ok:
             self._switched(event)
         elif isinstance(event, CommandLimited):

@@ -29,7 +29,7 @@ def start_page(options: argparse.Namespace) -> Page:
     return page
 
 
-def from_elsewhere(page: Page) -> str:
+def remote_hint(page: Page) -> str:
     """Return how to open a page of this machine from another one, where that is likely.
 
     It is "" where there is a screen, or where others can open the page.

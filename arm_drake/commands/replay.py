@@ -15,9 +15,9 @@ from arm_drake.commands.output import (
     write_outputs,
 )
 from arm_drake.commands.page import (
-    from_elsewhere,
     interrupting,
     open_browser,
+    remote_hint,
     start_page,
 )
 from arm_drake.description.robot import Robot
@@ -54,7 +54,7 @@ def run_replay(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
             page, Replay(page.meshcat, rollout, robot), rate=options.rate
         )
         say.page(f"page: {page.url} until Ctrl-C")
-        say.line(from_elsewhere(page))
+        say.line(remote_hint(page))
         open_browser(options, page)
         with interrupting(shown.stop):
             shown.run()

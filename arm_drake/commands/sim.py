@@ -384,10 +384,10 @@ def _simulate_live(options: argparse.Namespace, scene: Scene, say: Speaker) -> i
     """Simulate on a page; return the exit code."""
     # Not at the top: a headless simulation must not wait for a web server.
     from arm_drake.commands.page import (
-        from_elsewhere,
         interrupting,
         is_watched,
         open_browser,
+        remote_hint,
         start_page,
     )
     from arm_drake.visualization.page.live_simulation import LiveSimulation
@@ -411,7 +411,7 @@ def _simulate_live(options: argparse.Namespace, scene: Scene, say: Speaker) -> i
         _show_live(options, live)
         _let_in(options, say, live, stack)
         say.page(f"page: {page.url}")
-        say.line(from_elsewhere(page))
+        say.line(remote_hint(page))
         open_browser(options, page)
         duration = choose_duration(options, motion)
         is_show = motion is not None and is_watched()

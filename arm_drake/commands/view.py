@@ -9,10 +9,10 @@ from typing import Any
 
 from arm_drake.commands.output import report_of, say_report
 from arm_drake.commands.page import (
-    from_elsewhere,
     interrupting,
     open_browser,
     place_camera,
+    remote_hint,
     start_page,
 )
 from arm_drake.description.joints import WORLD
@@ -207,5 +207,5 @@ def _say(options: argparse.Namespace, viewer: RobotViewer, scene: Scene3D) -> No
         print(f"screenshot: {options.screenshot}")
     else:
         print(f"page: {scene.url} until Ctrl-C", flush=True)
-        if hint := from_elsewhere(scene):
+        if hint := remote_hint(scene):
             print(hint, flush=True)

@@ -212,15 +212,10 @@ class Sample:
         others: _Others | None,
         polynomial: tuple[Array, Array] | None = None,
     ) -> None:
-        """Take what is known.
+        """Take positions, shape (n,), and the indices of the points around the time.
 
-        Args:
-            position: Positions, shape (n,).
-            segment_start: Index of the point before the time.
-            segment_end: Index of the point after it.
-            others: Velocities, accelerations and efforts; None to compute them.
-            polynomial: What to compute them from: the powers of the time, shape (k,),
-                and coefficients, shape (k, 3 n).
+        What else there is is computed where it is None, from a polynomial: the powers
+        of the time, shape (k,), and coefficients, shape (k, 3 n).
         """
         self.position = position
 

@@ -200,12 +200,7 @@ class ControllerInterface(PythonSystem):
         return port
 
     def _read_exports(self, names: tuple[str, ...], read: _ReadExports) -> None:
-        """Take state interfaces from another controller.
-
-        Args:
-            names: Names of all that it exports.
-            read: Returns their values, in this order.
-        """
+        """Take state interfaces from another controller; `read` has this order."""
         target_indices = [
             i for i, name in enumerate(self.state_interfaces) if name in names
         ]

@@ -98,7 +98,7 @@ class SteadyTicks(Protocol[S_co]):
     until_ns: int
     monitor_ns: int
 
-    def tell(
+    def report(
         self, time_ns: int, last_ns: int, motions: Array
     ) -> "tuple[S_co, SteadyTicks[S_co]] | None":
         """Return the state to go on from, told what is due, and its steady ticks.
@@ -129,7 +129,7 @@ class SilentTicks:
 
     monitor_ns = until_ns = NEVER_NS
 
-    def tell(self, time_ns: int, last_ns: int, motions: Array) -> None:
+    def report(self, time_ns: int, last_ns: int, motions: Array) -> None:
         """Return None, for there is nothing to tell."""
         del time_ns, last_ns, motions
         return None

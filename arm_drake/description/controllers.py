@@ -380,7 +380,7 @@ def load_controllers(
         controllers=tuple(controllers),
         files=tuple(dict.fromkeys((*files, *further))),
         enforce_command_limits=_first_setting("enforce_command_limits", managers),
-        hardware_components_initial_state=_together(m.settings for m in managers),
+        hardware_components_initial_state=_merge(m.settings for m in managers),
         plugin_nodes={
             name: parameters for name, parameters in plugin_nodes.items() if parameters
         },
@@ -449,16 +449,16 @@ class ManagedControllers:
             start = f"{name}."
             members = (p for k, p in self.parameters.items() if k.startswith(start))
             what, where = "no 'type' is given", f"{self.node}.{name}"
-            self._complain(where, next(members), what, "warning", "it is not spawned")
+            self._note(where, next(members), what, "warning", "it is not spawned")
             return None
         if not isinstance(type_.value, str):
             what = f"expected a controller type, got {type_.value!r}"
-            self._complain(where, type_, what, "error", _IDLE)
+            self._note(where, type_, what, "error", _IDLE)
             problem = problem or what
         remaps, where = self._choose(name, "node_options_args", None)
         if remaps is not None:
             what = "options of nodes are not simulated"
-            self._complain(where, remaps, what, "info", "it has no effect")
+            self._note(where, remaps, what, "info", "it has no effect")
         return ControllerConfig(
             name,
             str(type_.value),
@@ -495,11 +495,11 @@ class ManagedControllers:
         if name in names:
             problem = "it is its own fallback"
         if problem:
-            self._complain(where, parameter, problem, "error", _IDLE)
+            self._note(where, parameter, problem, "error", _IDLE)
         for other in () if problem else names:
             if other not in others:
                 what = f"no controller {other!r}; {suggest(other, others)}"
-                self._complain(where, parameter, what, "warning", "it is left out")
+                self._note(where, parameter, what, "warning", "it is left out")
         return dc.replace(
             controller,
             parameters=parameters,
@@ -522,7 +522,7 @@ class ManagedControllers:
         try:
             texts = texts_of(parameter, where)
         except ParameterError as error:
-            self._complain(where, parameter, error.problem, "error", "it is ignored")
+            self._note(where, parameter, error.problem, "error", "it is ignored")
             return sections, ""
         for text in texts:
             try:
@@ -533,13 +533,13 @@ class ManagedControllers:
             except PackageError as error:
                 problem = error.problem
             if problem:
-                self._complain(where, parameter, problem, "error", "it is left out")
+                self._note(where, parameter, problem, "error", "it is left out")
                 continue
             self.files.append(path)
             try:
                 read = self._reader.read(path)
             except ParameterError as error:
-                self._complain(where, parameter, str(error), "error", _IDLE)
+                self._note(where, parameter, str(error), "error", _IDLE)
                 return sections, str(error)
             sections += [
                 section
@@ -553,7 +553,7 @@ class ManagedControllers:
             return folder / text
         return self._packages.resolve(text, folder)
 
-    def _complain(
+    def _note(
         self, where: str, parameter: Parameter, what: str, severity: Severity, done: str
     ) -> None:
         kinds: dict[Severity, Kind] = {"info": "unsupported", "warning": "missing"}
@@ -639,7 +639,7 @@ def _first_setting(name: str, managers: Sequence[ManagedControllers]) -> Any:
     return getattr(next(settings, managers[0].settings), name)
 
 
-def _together(
+def _merge(
     settings: Iterable[ControllerManagerParameters],
 ) -> HardwareComponentsInitialState:
     """Return the initial states that all managers ask for."""

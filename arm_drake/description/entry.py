@@ -11,6 +11,7 @@ from pathlib import Path
 from arm_drake.errors import (
     DescriptionError,
     MissingExtraError,
+    first_names,
     quoted,
     suggest,
     suggest_file,
@@ -182,12 +183,9 @@ def _entry_in_folder(folder: Path) -> Path:
         raise DescriptionError(problem, file=folder)
     if len(candidates) != 1:
         named = [str(path.relative_to(folder)) for path in candidates]
-        listed = ", ".join(named[:_MAX_LISTED])
-        if len(named) > _MAX_LISTED:
-            listed += f" and {len(named) - _MAX_LISTED} more"
         raise DescriptionError(
             f"expected one robot description in the folder, got "
-            f"{len(candidates)}; name the file: {listed}",
+            f"{len(candidates)}; name the file: {first_names(named, _MAX_LISTED)}",
             file=folder,
         )
     return candidates[0].absolute()

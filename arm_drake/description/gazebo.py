@@ -405,8 +405,8 @@ def read_gazebo_sensors(
                 text_of(collision)
                 for collision in element.iterfind("contact/collision")
             ),
-            is_on_child=_says(element, "measure_direction", "parent_to_child"),
-            is_in_sensor=_says(element, "frame", "sensor"),
+            is_on_child=_has_text(element, "measure_direction", "parent_to_child"),
+            is_in_sensor=_has_text(element, "frame", "sensor"),
             plugins=tuple(read_plugins(element, attribute(gazebo, "reference"))),
         )
         for gazebo in root.iterfind("gazebo")
@@ -443,7 +443,7 @@ def read_friction(root: ET.Element, links: Collection[str]) -> dict[str, float]:
     return found
 
 
-def _says(element: ET.Element, tag: str, value: str) -> bool:
+def _has_text(element: ET.Element, tag: str, value: str) -> bool:
     """Return whether a sensor of forces has a tag with this text."""
     return text_of(element.find("force_torque"), tag) == value
 

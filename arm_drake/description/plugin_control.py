@@ -137,7 +137,7 @@ class PluginSorter:
                 name
                 for name in names
                 if not (problem := self._find_problem(plugin, at, name, last, owner))
-                or self._tell(plugin, problem)
+                or self._report(plugin, problem)
             )
             if isinstance(plugin, OneOfJoints) and own_joints:
                 tags.append(
@@ -157,7 +157,7 @@ class PluginSorter:
         if driving.left_joints and driving.right_joints:
             wheels = dict.fromkeys((*driving.left_joints, *driving.right_joints))
             return [PluginTag(driving, tuple(wheels))]
-        self._tell(plugin, ("no wheels are left on both sides", "it is left out"))
+        self._report(plugin, ("no wheels are left on both sides", "it is left out"))
         return []
 
     def _find_problem(
@@ -182,7 +182,7 @@ class PluginSorter:
             return what, "the last one does"
         return None
 
-    def _tell(self, plugin: RunPlugin, problem: tuple[str, str]) -> bool:
+    def _report(self, plugin: RunPlugin, problem: tuple[str, str]) -> bool:
         what, done = problem
         # That of a trajectory of all joints is no mistake.
         is_of_all = isinstance(plugin, GazeboRosJointPoseTrajectory)

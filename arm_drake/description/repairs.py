@@ -23,6 +23,7 @@ from arm_drake.description.meshes.conversion import (
     Scale,
     convert_collision,
     convert_visual,
+    describe_loss,
 )
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import Kind, LoadReport, Severity
@@ -405,8 +406,8 @@ class _Shape:
 
     @property
     def _severity(self) -> Severity:
-        """How grave it is if it is lost: things go through what doesn't collide."""
-        return "warning" if self.element.tag == "visual" else "error"
+        """How grave it is if it is lost."""
+        return describe_loss(is_visual=self.element.tag == "visual")[0]
 
     def _add(self, severity: Severity, kind: Kind, what: str, done: str) -> None:
         where, file = self.where, self.file

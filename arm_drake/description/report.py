@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Literal
 
-from arm_drake.errors import Located
+from arm_drake.errors import Located, first_names
 
 Severity = Literal["info", "warning", "error"]
 # The order in which people read them.
@@ -63,15 +63,14 @@ def _key(entry: ReportEntry, of: Callable[[str], str]) -> tuple[str, ...]:
     return (entry.severity, entry.kind, entry.file or "", *map(of, texts))
 
 
-def _together(entries: list[ReportEntry]) -> ReportEntry:
+def _merge(entries: list[ReportEntry]) -> ReportEntry:
     """Return one entry for things that differ only in their places and numbers."""
     places = list(dict.fromkeys(entry.where for entry in entries if entry.where))
     # Such as "ros2_control 'arm', ", if all are in that block.
     blocks = {"".join(each.rpartition(", ")[:2]) for each in places}
     block = blocks.pop() if len(blocks) == 1 else ""
-    named = block + ", ".join(each.removeprefix(block) for each in places[:_MAX_PLACES])
-    if len(places) > _MAX_PLACES:
-        named += f" and {len(places) - _MAX_PLACES} more"
+    short = [each.removeprefix(block) for each in places]
+    named = block + first_names(short, _MAX_PLACES)
     lines = {entry.line for entry in entries}
     line = lines.pop() if len(lines) == 1 else None
     done = entries[0].done
@@ -171,7 +170,7 @@ class LoadReport:
             texts = {_key(each, str) for each in alike[_key(entry, _shape)]}
             key = _key(entry, _shape if len(texts) >= _MANY else str)
             groups.setdefault(key, []).append(entry)
-        return [_together(group) for group in groups.values()]
+        return [_merge(group) for group in groups.values()]
 
     def __str__(self) -> str:
         """Return the report as lines of text, errors first, no line twice."""

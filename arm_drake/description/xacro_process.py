@@ -212,12 +212,12 @@ class _Place:
         self.file = file
         self.line = line
 
-    def put_on(self, node: Any) -> None:
+    def attach_to(self, node: Any) -> None:
         node.setUserData("place", self, self)
 
     def handle(self, *arguments: Any) -> None:
         """Put it on the copy of a node, the last argument, as the DOM's handlers do."""
-        self.put_on(arguments[-1])
+        self.attach_to(arguments[-1])
 
 
 class _Builder(ExpatBuilderNS):
@@ -232,14 +232,14 @@ class _Builder(ExpatBuilderNS):
 
     def start_element_handler(self, name: str, attributes: Any) -> None:
         super().start_element_handler(name, attributes)
-        _Place(self._file, self._parser.CurrentLineNumber).put_on(self.curNode)
+        _Place(self._file, self._parser.CurrentLineNumber).attach_to(self.curNode)
 
     def character_data_handler_cdata(self, data: str) -> None:
         super().character_data_handler_cdata(data)
         if "$" in data:  # Texts come when they end.
             rest = data.count("\n", data.index("$"))
             place = _Place(self._file, self._parser.CurrentLineNumber - rest)
-            place.put_on(self.curNode.lastChild)
+            place.attach_to(self.curNode.lastChild)
 
 
 class _Other:
@@ -252,12 +252,12 @@ class _Other:
     def read(self) -> Any:
         return json.loads(self._incoming.readline())
 
-    def tell(self, **values: Any) -> None:
+    def send(self, **values: Any) -> None:
         print(json.dumps(values), file=self._outgoing, flush=True)
 
     def find(self, name: str) -> str:
         """Return the folder of a package."""
-        self.tell(find=name)
+        self.send(find=name)
         folder = self.read()
         if folder is None:
             raise _PackageNotFoundError
@@ -286,7 +286,7 @@ def main() -> None:
     if len(answer.get("text", "")) > request["size"]:
         answer = {"error": {"kind": "size"}, "files": []}
     unused = sorted(values.unused)
-    other.tell(**answer, opened=opened, unused=unused, said=said.getvalue())
+    other.send(**answer, opened=opened, unused=unused, said=said.getvalue())
 
 
 class _Arguments(dict[str, str]):

@@ -122,7 +122,7 @@ def add_hardware(
         )
         builder.AddNamedSystem(f"{prefix}servo", servo)
         if not only_pushes:
-            _tell_servo(builder, servo, plant, model, description, drive, forces)
+            _connect_servo(builder, servo, plant, model, description, drive, forces)
         effort, command = servo.GetOutputPort("effort"), servo.GetInputPort("command")
         builder.Connect(effort, plant.get_actuation_input_port(model))
     motions, joint_states = add_state_interfaces(
@@ -131,7 +131,7 @@ def add_hardware(
     return Hardware(names, command, joint_states, motions, forces, drive)
 
 
-def _tell_servo(
+def _connect_servo(
     builder: DiagramBuilder,
     servo: Diagram,
     plant: MultibodyPlant,

@@ -51,11 +51,11 @@ from arm_drake.messages import (
 )
 from arm_drake.plant.contact import GROUND, for_drake, set_friction
 from arm_drake.plant.initial_poses import (
-    PlacedShape,
+    RestingShape,
     find_shapes,
     lowest_height,
     lowest_points,
-    placed_shape,
+    resting_shape,
 )
 from arm_drake.python_system import PythonSystem
 
@@ -151,15 +151,15 @@ def _with_rollers(
 
 def _shapes(
     plant: MultibodyPlant, scene_graph: SceneGraph, body: RigidBody
-) -> list[PlacedShape]:
+) -> list[RestingShape]:
     inspector = scene_graph.model_inspector()
     return [
-        placed_shape(inspector, geometry, inspector.GetPoseInFrame(geometry))
+        resting_shape(inspector, geometry, inspector.GetPoseInFrame(geometry))
         for geometry in plant.GetCollisionGeometriesForBody(body)
     ]
 
 
-def _reach(shapes: Sequence[PlacedShape], direction: Array) -> float:
+def _reach(shapes: Sequence[RestingShape], direction: Array) -> float:
     """Return how far shapes reach in a direction from the origin [m]."""
     points = np.vstack([lowest_points(shape, -direction) for shape in shapes])
     return float((points @ direction).max())
@@ -353,16 +353,18 @@ def _report_ground(
     if not robot.has_free_base:
         return
     file = robot.description.file
-    standing = _what_stands(plant, scene_graph)
-    if not standing:
+    fixed = [
+        index
+        for index in map(BodyIndex, range(plant.num_bodies()))
+        if plant.IsAnchored(plant.get_body(index))
+    ]
+    if not find_shapes(plant, scene_graph, fixed):
         what = "a mobile base in a world without a ground"
         done = "it falls; expected world='empty', or one that has something to stand on"
         report.add("error", "missing", what, done, file=file)
         return
-    shapes = find_shapes(
-        plant, scene_graph, plant.GetBodyIndices(model), RigidTransform()
-    )
-    grounds = [shape for name, shape in standing if name == GROUND]
+    shapes = find_shapes(plant, scene_graph, plant.GetBodyIndices(model))
+    grounds = find_shapes(plant, scene_graph, fixed, GROUND)
     if not shapes or not any(map(_is_at_zero, grounds)):
         return
     lowest = min(lowest_height(shape) for shape in shapes)
@@ -372,7 +374,7 @@ def _report_ground(
         for wheel in wheels:
             if not _is_sprung(robot, wheel.joint, base.link):
                 indices = map(BodyIndex, wheel.touching)
-                own = find_shapes(plant, scene_graph, indices, RigidTransform())
+                own = find_shapes(plant, scene_graph, indices)
                 gaps[wheel.joint] = min(map(lowest_height, own)) - lowest
         off = {joint: gap for joint, gap in gaps.items() if gap > _GAP}
         for joint, gap in off.items():
@@ -395,25 +397,7 @@ def _report_height(robot: Robot, lowest: float, report: LoadReport) -> None:
         report.add("warning", "invalid", what, done, where="pose", file=file)
 
 
-def _what_stands(
-    plant: MultibodyPlant, scene_graph: SceneGraph
-) -> list[tuple[str, PlacedShape]]:
-    """Return the collision shapes that are fixed in the world, with their names."""
-    context, inspector = plant.CreateDefaultContext(), scene_graph.model_inspector()
-    found = []
-    for index in range(plant.num_bodies()):
-        body = plant.get_body(BodyIndex(index))
-        if not plant.IsAnchored(body):
-            continue
-        X_WB = plant.EvalBodyPoseInWorld(context, body)
-        for geometry in plant.GetCollisionGeometriesForBody(body):
-            X_WG = X_WB @ inspector.GetPoseInFrame(geometry)
-            name = inspector.GetName(geometry).rpartition("::")[2]
-            found.append((name, placed_shape(inspector, geometry, X_WG)))
-    return found
-
-
-def _is_at_zero(shape: PlacedShape) -> bool:
+def _is_at_zero(shape: RestingShape) -> bool:
     """Return whether the top of a shape is at z = 0."""
     highest = lowest_points(shape, np.array([0.0, 0.0, -1.0]))[:, 2].max()
     return bool(abs(highest) < _TOUCHING)

@@ -234,7 +234,7 @@ def add_noise_and_delay(
         system = MeasuredStates(own, seed, delay=delay, period=period)
         return Wiring(builder).add(f"{prefix}measured:{name}", system, port)
 
-    def put_off(port: InputPort | None, name: str) -> InputPort | None:
+    def delayed(port: InputPort | None, name: str) -> InputPort | None:
         if port is None or not options.command_delay:
             return port
         system = DelayedCommands(
@@ -246,8 +246,8 @@ def add_noise_and_delay(
 
     changed = dc.replace(
         hardware,
-        command=put_off(hardware.command, "drive"),
-        values=put_off(hardware.values, interfaces.VALUES_PORT),
+        command=delayed(hardware.command, "drive"),
+        values=delayed(hardware.values, interfaces.VALUES_PORT),
     )
     if not delay and not deviations.any():
         return changed

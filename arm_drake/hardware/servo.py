@@ -387,7 +387,8 @@ class EffortLaws:
         self._tau = variables("tau", n)
         self._bias = variables("bias", n if self.is_limited else 0)
         self._commanded_effort, self._free = (
-            variables(name, n if layout.has_modes else 0) for name in ("told", "free")
+            variables(name, n if layout.has_modes else 0)
+            for name in ("commanded", "free")
         )
         self.num_groups = int(gains.group.max()) + 1 if self.is_limited else 0
         self._scale = variables("scale", self.num_groups)

@@ -200,13 +200,13 @@ def _ask(
         "size": _SIZE,
         "only_shows_arguments": only_shows_arguments,
     }
-    answer = _talk(request, finder, folder.path, path)
+    answer = _run_process(request, finder, folder.path, path)
     if answer["error"] is not None:
         raise _explain(answer["error"], finder, path)
     return answer, finder, folder
 
 
-def _talk(
+def _run_process(
     request: Mapping[str, Any], finder: PackageFinder, folder: Path, path: Path
 ) -> Any:
     paths = [os.path.abspath(each) for each in sys.path]
@@ -240,10 +240,10 @@ def _talk(
         finally:
             with contextlib.suppress(OSError):
                 os.killpg(process.pid, signal.SIGKILL)
-    raise InputError(_why_it_ended(process.returncode), file=path)
+    raise InputError(_describe_exit(process.returncode), file=path)
 
 
-def _why_it_ended(code: int) -> str:
+def _describe_exit(code: int) -> str:
     """Return why a process that has not answered is no more."""
     if code == -signal.SIGXCPU:
         return f"takes more than {CPU_TIME} s of processor time"

@@ -396,7 +396,7 @@ class _Other:
     def read(self) -> Any:
         return json.loads(self._incoming.readline())
 
-    def tell(self, **values: Any) -> None:
+    def send(self, **values: Any) -> None:
         print(json.dumps(values, default=str), file=self._outgoing, flush=True)
 
     def find(self, name: str) -> str:
@@ -412,7 +412,7 @@ class _Other:
 
     def expand(self, file: str, arguments: Mapping[str, str]) -> str:
         """Return the text of a xacro file, or raise LaunchError."""
-        self.tell(expand=os.path.abspath(file), arguments=dict(arguments))
+        self.send(expand=os.path.abspath(file), arguments=dict(arguments))
         answer = self.read()
         if "problem" in answer:
             raise LaunchError(answer["problem"])
@@ -421,7 +421,7 @@ class _Other:
     def _ask(self, what: str, name: str) -> str | None:
         key = f"{what} {name}"
         if key not in self._found:
-            self.tell(**{what: str(name)})
+            self.send(**{what: str(name)})
             self._found[key] = self.read()
         return self._found[key]
 
@@ -558,7 +558,7 @@ def main() -> None:
     if error is not None and error.get("ends"):
         last = said.getvalue().strip().rpartition("\n")[2][:500]
         error["text"] += f"; it said: {last}" if last else ""
-    other.tell(
+    other.send(
         error=error,
         arguments=list(run.declared.values()),
         values=context.launch_configurations,

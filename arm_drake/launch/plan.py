@@ -127,7 +127,7 @@ class LaunchPlan:
             raise InputError(text, file=self.file)
         options = options or SimulationOptions()
         several = len(self.robots) > 1
-        names = _unlike([robot.chosen_name for robot in self.robots])
+        names = _number_equal([robot.chosen_name for robot in self.robots])
         for name, launched in zip(names, self.robots, strict=True):
             if name != launched.chosen_name:
                 what = f"several robots are called {launched.chosen_name!r}"
@@ -259,7 +259,7 @@ class LaunchPlan:
         yield from dict.fromkeys(map(str, self.not_started))
 
 
-def _unlike(names: Sequence[str | None]) -> list[str | None]:
+def _number_equal(names: Sequence[str | None]) -> list[str | None]:
     """Return names, of which the same ones get numbers."""
     found: list[str | None] = []
     for name in names:

@@ -162,11 +162,7 @@ class LaunchedRobot:
         return robot
 
     def read_carriers(self, package_paths: Sequence[Path]) -> dict[str, str | None]:
-        """Return for each link the one that carries it, None for a root.
-
-        Raises:
-            InputError: If the description can't be read.
-        """
+        """Return for each link the one that carries it, None for a root."""
         file, text = self._expand(package_paths)
         root = parse_xml(text, file)
         carriers = {link.get("name", ""): None for link in root.iterfind("link")}
@@ -403,11 +399,11 @@ class RobotParts:
         """Return the robots of all descriptions, with what belongs to each."""
         descriptions = list(self.descriptions)
         for each in self.spawns:
-            if each.description and not _same(each.description, descriptions):
+            if each.description and not _is_among(each.description, descriptions):
                 descriptions.append(each.description)
         for manager in self.managers:
             own = manager.description
-            if own is None or _same(own, descriptions, in_namespace=True):
+            if own is None or _is_among(own, descriptions, in_namespace=True):
                 continue
             others = [d for d in descriptions if d.namespace == own.namespace]
             if len(others) == 1 and others[0].source == own.source:
@@ -458,7 +454,7 @@ class RobotParts:
             spawn
             for spawn in self.spawns
             if (spawn.topic == description.topic and spawn.topic is not None)
-            or (spawn.description and _same(spawn.description, [description]))
+            or (spawn.description and _is_among(spawn.description, [description]))
         ]
         return found or (self.spawns if count == 1 and len(self.spawns) == 1 else [])
 
@@ -473,7 +469,7 @@ class RobotParts:
             return True
         if manager.description is not None:
             is_same = description.namespace == manager.namespace
-            same = _same(manager.description, [description])
+            same = _is_among(manager.description, [description])
             spaces = [d.namespace for d in descriptions]
             return same and (is_same or manager.namespace not in spaces)
         return manager.topic == description.topic
@@ -526,7 +522,7 @@ class RobotParts:
         return candidates[0]
 
 
-def _same(
+def _is_among(
     one: Description, others: Sequence[Description], *, in_namespace: bool = False
 ) -> bool:
     return any(

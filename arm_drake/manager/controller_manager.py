@@ -678,7 +678,7 @@ class ControllerManager(PythonSystem):
                 return None
             last_ns = cycle_time(number - 1, self.period, rate)
             motions = np.array(numbers[-self._num_motions :])
-            resumed = steady.tell(time_ns, last_ns, motions)
+            resumed = steady.report(time_ns, last_ns, motions)
             if resumed is None:
                 return None
             self._quiet.remember(resumed)

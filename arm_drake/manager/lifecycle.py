@@ -585,17 +585,16 @@ class SteadyCycles:
             found.append(_SteadyController(name, system, ticks, at, part))
         return cls(base, found, drive)
 
-    def tell(self, time_ns: int, last_ns: int, motions: Array) -> Self | None:
+    def report(self, time_ns: int, last_ns: int, motions: Array) -> Self | None:
         """Return the cycles that go on, in which all is told; None if they end."""
         ticks, controllers = dict(self.base.ticks), list(self._controllers)
         for i, (name, system, steady, at, part) in enumerate(self._controllers):
             if time_ns >= steady.monitor_ns:
-                resumed = steady.tell(time_ns, last_ns, motions)
+                resumed = steady.report(time_ns, last_ns, motions)
                 if resumed is None:
                     return None
                 ticks[name] = with_field(ticks[name], STATE, resumed[0])
-                told = _SteadyController(name, system, resumed[1], at, part)
-                controllers[i] = told
+                controllers[i] = _SteadyController(name, system, resumed[1], at, part)
         new = object.__new__(type(self))
         new._values, new._drive, new._rows = self._values, self._drive, self._rows
         new._take(with_field(self.base, _TICKS, ticks), controllers)

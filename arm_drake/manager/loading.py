@@ -35,7 +35,12 @@ from arm_drake.description.controllers import (
 from arm_drake.description.parameters import load_parameters
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.description.robot import Robot
-from arm_drake.errors import InputError, ParameterError, suggest
+from arm_drake.errors import (
+    InputError,
+    ParameterError,
+    first_names,
+    suggest,
+)
 from arm_drake.interfaces import EFFORT, VELOCITY
 from arm_drake.manager.hardware_interfaces import (
     HardwareInterfaces,
@@ -216,12 +221,6 @@ def _missing_of(
         f"those that do: {', '.join(sorted(chainable))}" if chainable else "none does"
     )
     return f"controller {owner!r} {does}, so there is no {owner}/{name}; {listed}"
-
-
-def _listed(names: Sequence[str]) -> str:
-    """Return the first few names, and how many more there are."""
-    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-    return ", ".join(names[:3]) + more
 
 
 class ControllerLoader:
@@ -405,7 +404,7 @@ class ControllerLoader:
             if name in hardware.stored and name not in hardware.command_interfaces
         ]
         if read:
-            what = f"state interfaces aren't simulated: {_listed(read)}"
+            what = f"state interfaces aren't simulated: {first_names(read, 3)}"
             lines.append((what, "they stay at their initial values"))
         idle = [
             name
@@ -415,7 +414,7 @@ class ControllerLoader:
             and is_outdone(name, system.command_interfaces)
         ]
         if idle:
-            what = f"beside velocities, {_listed(idle)} are not acted on"
+            what = f"beside velocities, {first_names(idle, 3)} are not acted on"
             lines.append((what, "the joints follow their velocities"))
         for what, done in lines:
             self._add(controller, "info", "unsupported", what, done)

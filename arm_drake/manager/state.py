@@ -14,7 +14,7 @@ from arm_drake.messages import SwitchController, SwitchControllerResult
 
 @dc.dataclass(frozen=True)
 class ControllerFailure:
-    """News of a controller that was deactivated because its update failed."""
+    """Event: a controller was deactivated because its update failed."""
 
     controller: str
 
@@ -29,7 +29,7 @@ class ControllerFailure:
 
 @dc.dataclass(frozen=True)
 class CommandLimited:
-    """News that a command went beyond a limit of its joint, told once a joint."""
+    """Event: a command went beyond a limit of its joint, told once a joint."""
 
     joint: str
 

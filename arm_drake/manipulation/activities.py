@@ -7,7 +7,7 @@ so, and send to controllers what these take.
 import dataclasses as dc
 import math
 from collections.abc import Generator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -23,12 +23,10 @@ from arm_drake.messages import (
     JointTrajectory,
     JointTrajectoryPoint,
 )
+from arm_drake.perception.cameras import CameraHandle
 from arm_drake.planning.groups import takes_positions
 from arm_drake.planning.motion_planning import Plan
 from arm_drake.planning.setting import Running
-
-if TYPE_CHECKING:
-    from arm_drake.perception.cameras import CameraHandle
 
 T = TypeVar("T")
 
@@ -94,7 +92,7 @@ class Runner(Running, Protocol):
     def controller(self, name: str) -> Handle:
         """Return what sends to a controller."""
 
-    def camera(self, name: str) -> "CameraHandle":
+    def camera(self, name: str) -> CameraHandle:
         """Return what a camera sees."""
 
 

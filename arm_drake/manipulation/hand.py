@@ -7,7 +7,7 @@ simulation does so. What is known of the scene is read from the simulation.
 import dataclasses as dc
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.geometry import Box, SceneGraph
@@ -24,6 +24,7 @@ from arm_drake.manipulation.activities import (
     find_drive,
     is_above,
 )
+from arm_drake.perception.boxes import FoundBox
 from arm_drake.planning.grasps import (
     Grasp,
     GraspedShape,
@@ -43,9 +44,6 @@ from arm_drake.planning.orientation_constraint import OrientationConstraint
 from arm_drake.planning.setting import PlanningError, find_moving
 from arm_drake.plant.plant import read_pose
 from arm_drake.worlds.things import free_bodies
-
-if TYPE_CHECKING:
-    from arm_drake.perception.boxes import FoundBox
 
 # A gripper has stalled if it moves by less than a part of its stroke per second for a
 # while [s]; it has so long at most [s].
@@ -94,7 +92,7 @@ class PickOptions:
 
     # To pick: the box as a camera saw it, in the world. Its pose and size are taken
     # from there; None is as the simulation knows them.
-    seen: "FoundBox | None" = None
+    seen: FoundBox | None = None
 
     # To pick: a camera of the simulation that looks for the box, before each grasp.
     # Labels tell which pixels show it, and which the robot; all else is from depths.
@@ -311,7 +309,7 @@ class Hand:
         seen = 0
         # By what was done, the first one: those that fail at the goal got further.
         reasons: dict[str, str] = {}
-        vain: list[tuple[RigidTransform, Failure]] = []
+        rejected: list[tuple[RigidTransform, Failure]] = []
         for grasp in grasps:
             if any(is_near(grasp.X_OP, other.X_OP) for other in tried):
                 continue
@@ -325,7 +323,7 @@ class Hand:
             closed = self.gripper.positions(grasp.pre_grasp)
             try:
                 starts = self.solve(X_WP)
-                self._check_goal(X_WO, grasp, thing, vain)
+                self._check_goal(X_WO, grasp, thing, rejected)
                 found = self.find_way(starts, [before, up], thing, closed)
             except Failure as failure:
                 reasons.setdefault(failure.stage, failure.reason)
@@ -359,7 +357,7 @@ class Hand:
         X_WO: RigidTransform,
         grasp: Grasp,
         thing: str,
-        vain: list[tuple[RigidTransform, Failure]],
+        rejected: list[tuple[RigidTransform, Failure]],
     ) -> None:
         """Raise Failure if a grasp can't get to the goal; poses in `vain` weren't."""
         if self.options.goal is None:
@@ -367,17 +365,17 @@ class Hand:
         failures = []
         for X_WG in read_goal(self.options.goal).poses(X_WO, self.base()):
             X_WP = X_WG @ grasp.X_OP
-            known = next((f for X, f in vain if is_near(X, X_WP)), None)
+            known = next((f for X, f in rejected if is_near(X, X_WP)), None)
             try:
                 if known is None:
-                    self.find_way(self.solve(X_WP), self.ways_out(X_WP), thing)
+                    self.find_way(self.solve(X_WP), self.retreat_poses(X_WP), thing)
                     return
             except Failure as failure:
-                vain.append((X_WP, known := failure))
+                rejected.append((X_WP, known := failure))
             failures.append(known)
         raise Failure("goal", f"at its goal: {failures[0].reason}")
 
-    def ways_out(self, X_WP: RigidTransform) -> list[RigidTransform]:
+    def retreat_poses(self, X_WP: RigidTransform) -> list[RigidTransform]:
         """Return where the palm is above the place of a thing, and drawn back."""
         options = self.options
         back = X_WP.rotation().matrix() @ self.gripper.approach_axis

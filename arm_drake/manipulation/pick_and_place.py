@@ -397,7 +397,7 @@ def _carry(
     first = hand.pose_in_palm(thing)
     X_WO = shifted(goal, [0.0, 0.0, _DROP])
     X_WP = X_WO @ hand.known_pose_in_palm(thing).inverse()
-    above = hand.find_way(hand.solve(X_WP), hand.ways_out(X_WP), thing)
+    above = hand.find_way(hand.solve(X_WP), hand.retreat_poses(X_WP), thing)
     yield from hand.move(above, "reach", attached=thing)
     if hand.find_held() != thing:
         raise Failure("lost", f"{thing!r} was lost on the way")

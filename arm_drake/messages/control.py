@@ -114,7 +114,7 @@ class MultiDOFStateStamped(Message):
 
 @dc.dataclass(frozen=True)
 class ParametersRejected(Message):
-    """News of parameters that a controller didn't take while it runs."""
+    """Event: a controller didn't take parameters while it runs."""
 
     reason: str
 

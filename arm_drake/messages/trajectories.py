@@ -301,7 +301,7 @@ class CancelResponse(Message):
 
 @dc.dataclass(frozen=True)
 class GoalEvent(Message):
-    """News of an action goal: its status, its result once there is one, feedback."""
+    """Event of an action goal: its status, its result once there is one, feedback."""
 
     request: SendGoal
     status: GoalStatus
@@ -317,13 +317,13 @@ class GoalEvent(Message):
 
     @property
     def feedback(self) -> FollowJointTrajectoryFeedback | None:
-        """The feedback, if that is the news."""
+        """The feedback, if that is the event."""
         return None if self.feedback_source is None else self.feedback_source()
 
 
 @dc.dataclass(frozen=True)
 class TopicRejected(Message):
-    """News of a topic message that a controller didn't accept."""
+    """Event: a controller didn't accept a topic message."""
 
     message: Message
     reason: str

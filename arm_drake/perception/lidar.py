@@ -10,7 +10,6 @@ gazebo_ros_ray_sensor.cpp; ros_gz_bridge, src/convert/sensor_msgs.cpp; REP 117.
 """
 
 import importlib.util
-import itertools
 import math
 from collections.abc import Callable, Mapping
 from functools import cached_property
@@ -59,6 +58,7 @@ from arm_drake.perception.sensors import (
     SensorSystem,
     find_classic_topics,
 )
+from arm_drake.plant.contact import hull_triangles, hull_vertices
 
 # By how much what stands for a circle is off at most [m], and its sides at most: from a
 # radius of 1 m on.
@@ -184,15 +184,8 @@ class RayScene:
     ) -> Array:
         """Return how far rays come [m], shape (n,); +inf where they meet nothing.
 
-        Args:
-            query: Tells where the frames are.
-            origin: Where the rays begin in the world [m], shape (3,).
-            ways: Their unit vectors in the world, shape (n, 3).
-            shortest: What is nearer isn't met [m].
-            longest: How far they go at most [m].
-
-        Raises:
-            ArmDrakeError: If Embree is missing, and without it would take too long.
+        They begin at a point of the world and go along unit vectors, shape (n, 3).
+        What is nearer than `shortest` isn't met, and they go as far as `longest` [m].
         """
         nearest = np.full(len(ways), np.inf)
         if not self._trees:
@@ -309,13 +302,7 @@ def _triangles(inspector: SceneGraphInspector, geometry: GeometryId) -> Array:
     X_FG = RigidTransform(inspector.GetPoseInFrame(geometry))
     if isinstance(shape, Convex):
         hull = inspector.GetConvexHull(geometry)
-        corners = np.array([hull.vertex(i) for i in range(hull.num_vertices())])
-        faces = []
-        for index in range(hull.num_elements()):
-            face = hull.element(index)
-            ring = [face.vertex(i) for i in range(face.num_vertices())]
-            faces += [(ring[0], a, b) for a, b in itertools.pairwise(ring[1:])]
-        triangles = corners[np.array(faces)]
+        triangles = hull_vertices(hull)[hull_triangles(hull)]
     elif isinstance(shape, Mesh):
         triangles = _read_mesh(shape)
     else:

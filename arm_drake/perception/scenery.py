@@ -161,9 +161,6 @@ class Scenery:
         """Return what renders the scene as it is now, by frames of its own.
 
         Only the one that is labelled can tell shapes of a frame from each other.
-
-        Raises:
-            ArmDrakeError: If the renderer's libraries are missing.
         """
         loaded = self._load(query, is_labelled=is_labelled)
         everywhere = query.inspector().GetAllFrameIds()
@@ -177,11 +174,7 @@ class Scenery:
         return found
 
     def mark(self, query: QueryObject, marks: Sequence[Mark]) -> None:
-        """Have marks seen, in place of those of before.
-
-        Raises:
-            ArmDrakeError: If the renderer's libraries are missing.
-        """
+        """Have marks seen, in place of those of before."""
         loaded = self._load(query)
         scene_graph, context = loaded.scene_graph, loaded.context
         for old in self._marks:

@@ -94,14 +94,9 @@ class SensorSystem(PythonSystem):
         topics: Mapping[str, str],
         R_SM: RotationMatrix | None = None,
     ) -> None:
-        """Create the system.
+        """Create the system; `topics` are its topics by what is on them.
 
-        Args:
-            sensor: The sensor as described.
-            place: Where it is.
-            scenery: What it sees.
-            topics: Its topics by what is on them.
-            R_SM: From the sensor's frame, x ahead and z up, to that of its `pose`.
+        R_SM is from the sensor's frame, x ahead and z up, to that of its `pose`.
         """
         super().__init__()
         self.scenery, self.topics = scenery, dict(topics)

@@ -42,7 +42,7 @@ from pydrake.planning import (
     SceneGraphCollisionChecker,
 )
 
-from arm_drake.description.joints import FREE_TYPES, joints_above, last_master
+from arm_drake.description.joints import joints_above, last_master
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.description.srdf import Pairs, find_disabled_collisions
@@ -54,7 +54,12 @@ from arm_drake.planning.surroundings import (
     register_shapes,
 )
 from arm_drake.plant.joint_ranges import joint_ranges
-from arm_drake.plant.plant import add_robot_model, drake_messages
+from arm_drake.plant.plant import (
+    add_robot_model,
+    drake_messages,
+    fix_free_joints,
+    remove_from_links,
+)
 from arm_drake.worlds.sdf_world import LoadedWorld
 from arm_drake.worlds.world import World
 
@@ -91,14 +96,10 @@ class CollisionModel:
         padding: float,
         positions: Mapping[str, float],
     ) -> None:
-        """Create it.
+        """Create it for independent joints that move.
 
-        Args:
-            robot: The robot.
-            joints: The joints that move: independent ones.
-            world: As that of `load_world`; what moves in it stands where it starts.
-            padding: Distance that counts as a collision [m].
-            positions: Where all joints of the robot are at first [rad] or [m].
+        What moves in the world stands where it starts. A distance of `padding` [m]
+        counts as a collision. `positions` of all joints are those at first.
         """
         self.joints = tuple(joints)
         self.world = world  # As long as a model is kept, no other world has its id.
@@ -591,12 +592,8 @@ def _spread(count: int) -> tuple[float, ...]:
 def add_colliding_robot(plant: MultibodyPlant, robot: Robot) -> ModelInstanceIndex:
     """Add a robot's links that collide, its base fixed."""
     root = copy.deepcopy(robot.description.root)
-    for link in root.iterfind("link"):
-        for element in link.findall("visual"):
-            link.remove(element)
-    for joint in root.iterfind("joint"):
-        if joint.get("type") in FREE_TYPES:
-            joint.set("type", "fixed")
+    remove_from_links(root, "visual")
+    fix_free_joints(root)
     description = dc.replace(robot.description, root=root)
     return add_robot_model(plant, description, robot.name, robot.pose)
 

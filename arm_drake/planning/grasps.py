@@ -15,6 +15,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from arm_drake.errors import InputError
 from arm_drake.planning.grippers import Gripper
+from arm_drake.plant.contact import hull_vertices
 
 # What can be grasped.
 GraspedShape: TypeAlias = Box | Capsule | Convex | Cylinder | Ellipsoid | Mesh | Sphere
@@ -250,7 +251,7 @@ def _corners(shape: GraspedShape) -> np.ndarray:
         return signs * np.array(shape.size())
     if isinstance(shape, Mesh | Convex):
         hull = shape.GetConvexHull()
-        return np.array([hull.vertex(k) for k in range(hull.num_vertices())])
+        return hull_vertices(hull)
     ball = np.array(
         [
             [

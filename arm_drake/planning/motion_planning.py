@@ -26,6 +26,7 @@ from arm_drake.errors import (
     InputError,
     MissingExtraError,
     counted,
+    first_names,
     suggest,
 )
 from arm_drake.messages import JointTrajectory, JointTrajectoryPoint
@@ -252,7 +253,7 @@ def check_positions(
     problem = _pose_problem(find_setting(robot, chosen), chosen)
     problem.check_limits(problem.start, "goal")
     if not problem.model.is_free_somehow(problem.start):
-        words = _listed(problem.model, problem.start)
+        words = _describe_collisions(problem.model, problem.start)
         raise PlanningError(f"in collision: {words}")
 
 
@@ -419,7 +420,7 @@ class _Problem(NamedTuple):
         model = self.model
         self.check_limits(self.start, "start")
         if not model.is_free_somehow(self.start):
-            words = _listed(model, self.start)
+            words = _describe_collisions(model, self.start)
             bodies = dict.fromkeys(self.options.attached.values())
             words += "".join(
                 f"; ignore=[{name!r}] leaves it out until it is lifted"
@@ -538,7 +539,7 @@ def _find_goals(
     free = [x for x in allowed if problem.model.is_free(x)]
     if not free:
         what = "the goal is" if len(allowed) == 1 else "all solutions found are"
-        words = _listed(problem.model, allowed[0])
+        words = _describe_collisions(problem.model, allowed[0])
         raise PlanningError(f"{what} in collision: {words}")
     return free[:_GOALS]
 
@@ -717,7 +718,6 @@ def _independent(robot: Robot, positions: Mapping[str, float]) -> dict[str, floa
     return {j.name: positions[j.name] for j in joints if j.mimic is None}
 
 
-def _listed(model: CollisionModel, x: np.ndarray) -> str:
-    found = model.describe(x)
-    more = f" and {len(found) - 3} more" if len(found) > 3 else ""
-    return (", ".join(found[:3]) or "links come closer than the padding") + more
+def _describe_collisions(model: CollisionModel, x: np.ndarray) -> str:
+    """Return what collides at joint positions, in words."""
+    return first_names(model.describe(x), 3) or "links come closer than the padding"

@@ -14,11 +14,13 @@ do, and contact takes less time.
 import contextlib
 import copy
 import dataclasses as dc
+import itertools
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.geometry import (
     AddCompliantHydroelasticProperties,
@@ -32,6 +34,7 @@ from pydrake.geometry import (
     Mesh,
     PenetrationAsPointPair,
     PerceptionProperties,
+    PolygonSurfaceMesh,
     ProximityProperties,
     QueryObject,
     RenderLabel,
@@ -44,6 +47,7 @@ from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, RigidBody, world_index
 from pydrake.systems.framework import BasicVector, Context, Diagram
 
+from arm_drake.arrays import Array
 from arm_drake.description.meshes.conversion import convert_surface
 from arm_drake.description.repairs import SOURCE, SOURCE_SCALE
 from arm_drake.description.urdf import RobotDescription
@@ -362,6 +366,22 @@ _SIZE = (100.0, 100.0, 1.0)
 
 # Gazebo's.
 _GROUND_COLOR = Rgba(0.8, 0.8, 0.8, 1.0)
+
+
+def hull_vertices(hull: PolygonSurfaceMesh) -> Array:
+    """Return the vertices of a hull [m], shape (n, 3)."""
+    return np.array([hull.vertex(i) for i in range(hull.num_vertices())])
+
+
+def hull_triangles(hull: PolygonSurfaceMesh) -> NDArray[np.int64]:
+    """Return triangles that cover a hull, as indices of vertices, shape (n, 3)."""
+    triangles = []
+    for index in range(hull.num_faces()):
+        face = hull.element(index)
+        corners = [face.vertex(i) for i in range(face.num_vertices())]
+        # A face of a hull is convex: a fan covers it.
+        triangles += [(corners[0], b, c) for b, c in itertools.pairwise(corners[1:])]
+    return np.array(triangles)
 
 
 def add_ground(plant: MultibodyPlant) -> None:

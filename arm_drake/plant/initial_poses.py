@@ -30,6 +30,7 @@ from pydrake.systems.primitives import VectorLogSink
 from arm_drake.arrays import Array
 from arm_drake.description.joints import FREE_TYPES, WORLD, from_the_root
 from arm_drake.description.robot import Robot
+from arm_drake.plant.contact import hull_vertices
 from arm_drake.plant.plant import origin_transform, transform_of
 
 # Name of the log, after the prefix of its robot.
@@ -118,7 +119,7 @@ _ROUNDS = 20
 _SAME = 1e-9
 
 
-class PlacedShape(NamedTuple):
+class RestingShape(NamedTuple):
     """A collision shape of a robot, in the frame of its base."""
 
     shape: Shape
@@ -130,9 +131,9 @@ class PlacedShape(NamedTuple):
     corners: Array
 
 
-def placed_shape(
+def resting_shape(
     inspector: SceneGraphInspector, geometry: GeometryId, X_BG: RigidTransform
-) -> PlacedShape:
+) -> RestingShape:
     """Return a collision shape of pose X_BG, ready to find its lowest points."""
     shape = inspector.GetShape(geometry)
     corners = np.empty((0, 3))
@@ -140,16 +141,16 @@ def placed_shape(
         hull = None if isinstance(shape, Box) else inspector.GetConvexHull(geometry)
         box = inspector.GetObbInGeometryFrame(geometry)
         if hull is not None:
-            corners = np.array([hull.vertex(i) for i in range(hull.num_vertices())])
+            corners = hull_vertices(hull)
         elif box is not None:
             signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1)
             corners = box.pose().multiply(box.half_width()[:, None] * signs).T
         else:  # A half space, whose highest points its origin is one of.
             corners = np.zeros((1, 3))
-    return PlacedShape(shape, X_BG, corners)
+    return RestingShape(shape, X_BG, corners)
 
 
-def lowest_points(placed: PlacedShape, up: Array) -> Array:
+def lowest_points(placed: RestingShape, up: Array) -> Array:
     """Return points of a shape, the lowest ones among them [m], shape (n, 3).
 
     `up` is the direction away from the ground, of length 1.
@@ -157,7 +158,7 @@ def lowest_points(placed: PlacedShape, up: Array) -> Array:
     return np.array([placed.X_BG @ point for point in _points(placed, up)])
 
 
-def _points(placed: PlacedShape, up: Array) -> Iterator[Array]:
+def _points(placed: RestingShape, up: Array) -> Iterator[Array]:
     shape, down = placed.shape, -(placed.X_BG.rotation().matrix().T @ up)
     if isinstance(shape, Sphere):
         yield shape.radius() * down
@@ -180,13 +181,13 @@ def _points(placed: PlacedShape, up: Array) -> Iterator[Array]:
         yield from placed.corners
 
 
-def lowest_height(placed: PlacedShape) -> float:
+def lowest_height(placed: RestingShape) -> float:
     """Return the height of a shape's lowest point [m]."""
     return float(lowest_points(placed, np.array([0.0, 0.0, 1.0]))[:, 2].min())
 
 
 def rest_on_ground(
-    shapes: Sequence[PlacedShape], center_of_mass: Array
+    shapes: Sequence[RestingShape], center_of_mass: Array
 ) -> RigidTransform:
     """Return the pose of a base that rests on the ground z = 0.
 
@@ -287,17 +288,18 @@ def find_shapes(
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
     bodies: Iterable[BodyIndex],
-    X_AW: RigidTransform,
-) -> list[PlacedShape]:
-    """Return the collision shapes of bodies as they stand by default."""
+    name: str = "",
+) -> list[RestingShape]:
+    """Return the collision shapes of bodies as they stand, of one name if given."""
     context, inspector = plant.CreateDefaultContext(), scene_graph.model_inspector()
     shapes = []
     for index in bodies:
         body = plant.get_body(index)
-        X_AB = X_AW @ plant.EvalBodyPoseInWorld(context, body)
+        X_WB = plant.EvalBodyPoseInWorld(context, body)
         for geometry in plant.GetCollisionGeometriesForBody(body):
-            X_AG = X_AB @ inspector.GetPoseInFrame(geometry)
-            shapes.append(placed_shape(inspector, geometry, X_AG))
+            if name in ("", inspector.GetName(geometry).rpartition("::")[2]):
+                X_WG = X_WB @ inspector.GetPoseInFrame(geometry)
+                shapes.append(resting_shape(inspector, geometry, X_WG))
     return shapes
 
 
@@ -306,7 +308,7 @@ def _resting_pose(
 ) -> RigidTransform:
     """Return how a base at the world's origin comes to rest on the ground."""
     bodies = plant.GetBodyIndices(model)
-    shapes = find_shapes(plant, scene_graph, bodies, RigidTransform())
+    shapes = find_shapes(plant, scene_graph, bodies)
     context = plant.CreateDefaultContext()
     center = plant.CalcCenterOfMassPositionInWorld(context, [model])
     return rest_on_ground(shapes, center)

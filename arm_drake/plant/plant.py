@@ -151,10 +151,10 @@ def add_robot_model(
     root = copy.deepcopy(description.root)
     root.set("name", name)
     if is_reduced:
-        _remove(root, "visual", "collision")
-        _fix_free_joints(root)
+        remove_from_links(root, "visual", "collision")
+        fix_free_joints(root)
     elif not collides:
-        _remove(root, "collision")
+        remove_from_links(root, "collision")
     if pose is not None:
         _move_what_is_on_the_world(root, description, X_WB)
     parser = Parser(plant)
@@ -233,14 +233,16 @@ def _move_what_is_on_the_world(
             _set_origin(joint, X_WB @ origin_transform(origin))
 
 
-def _remove(root: ET.Element, *tags: str) -> None:
+def remove_from_links(root: ET.Element, *tags: str) -> None:
+    """Remove what links of a description have by these tags."""
     for link in root.iterfind("link"):
         for tag in tags:
             for element in link.findall(tag):
                 link.remove(element)
 
 
-def _fix_free_joints(root: ET.Element) -> None:
+def fix_free_joints(root: ET.Element) -> None:
+    """Fix the joints of a description that have several degrees of freedom."""
     for joint in root.iterfind("joint"):
         if joint.get("type") in FREE_TYPES:
             joint.set("type", "fixed")

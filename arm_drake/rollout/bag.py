@@ -115,7 +115,7 @@ def group_commands(names: tuple[str, ...]) -> Mapping[str, list[tuple[str, int]]
     return groups
 
 
-def tell_row(
+def row_messages(
     rollout: Rollout, row: int, time_ns: int, prefix: str
 ) -> Iterator[BagMessage]:
     """Yield what a row says, but for frames."""
@@ -189,7 +189,7 @@ def _output(
     return {"positions": reference_position} if is_same else {}
 
 
-def tell_sent(message: SentMessage, prefix: str) -> Iterator[BagMessage]:
+def sent_messages(message: SentMessage, prefix: str) -> Iterator[BagMessage]:
     """Yield a message on its own topic, if there is one, and as text in any case."""
     time_ns = round(message.time * NANOSECONDS)
     type_ = type_of(message.type)
@@ -198,7 +198,7 @@ def tell_sent(message: SentMessage, prefix: str) -> Iterator[BagMessage]:
     yield make_string(f"{prefix}{MESSAGES}", time_ns, _json(message))
 
 
-def tell_goal(
+def goal_messages(
     goal: GoalRecord, number: int, *, is_new: bool, rollout: Rollout
 ) -> Iterator[BagMessage]:
     """Yield what is new about a goal."""
@@ -315,25 +315,25 @@ class RobotTopics:
         # Time of the last message of each topic of cameras and lidars [ns].
         self._sensed: dict[str, int] = {}
 
-    def tell(self, rollout: Rollout) -> Iterator[BagMessage]:
+    def messages_of(self, rollout: Rollout) -> Iterator[BagMessage]:
         """Yield messages of what is later than the last rollout, not in their order."""
         times = np.round(rollout.time * NANOSECONDS).astype(np.int64)
         new = np.flatnonzero(times > self._last_ns)
         start = max(int(times[new[0]]) if len(new) else self._last_ns, 0)
-        yield from self._tell_static(rollout, start)
-        yield from self._tell_messages(rollout)
-        yield from self._tell_goals(rollout)
+        yield from self._static_messages(rollout, start)
+        yield from self._topic_messages(rollout)
+        yield from self._goal_messages(rollout)
         prefix = rollout.namespace
         for row in new:
             time_ns = int(times[row])
-            yield from tell_row(rollout, int(row), time_ns, prefix)
-            yield from self._tell_active(rollout, int(row), time_ns)
-        yield from self._tell_tf(rollout, times, new)
-        yield from self._tell_sensors(rollout)
+            yield from row_messages(rollout, int(row), time_ns, prefix)
+            yield from self._active_messages(rollout, int(row), time_ns)
+        yield from self._tf_messages(rollout, times, new)
+        yield from self._sensor_messages(rollout)
         if len(new):
             self._last_ns = int(times[new[-1]])
 
-    def _tell_sensors(self, rollout: Rollout) -> Iterator[BagMessage]:
+    def _sensor_messages(self, rollout: Rollout) -> Iterator[BagMessage]:
         """Yield what cameras and lidars told."""
         for topic, messages in rollout.sensor_messages.items():
             for message in messages:
@@ -343,7 +343,7 @@ class RobotTopics:
                     type_ = str(ros_type(type(message)))
                     yield BagMessage(topic, type_, time_ns, to_fields(message))
 
-    def _tell_static(self, rollout: Rollout, time_ns: int) -> Iterator[BagMessage]:
+    def _static_messages(self, rollout: Rollout, time_ns: int) -> Iterator[BagMessage]:
         prefix = rollout.namespace
         text = make_static(rollout, is_whole=False)
         if text != self._static:
@@ -361,11 +361,11 @@ class RobotTopics:
             if fixed:
                 yield make_tf("/tf_static", fixed, time_ns, rollout.namespace)
 
-    def _tell_messages(self, rollout: Rollout) -> Iterator[BagMessage]:
+    def _topic_messages(self, rollout: Rollout) -> Iterator[BagMessage]:
         known = [m for m in rollout.messages if m.time == self._sent_at]
         later = [m for m in rollout.messages if m.time > self._sent_at]
         for message in known[self._num_sent :] + later:
-            yield from tell_sent(message, rollout.namespace)
+            yield from sent_messages(message, rollout.namespace)
         if rollout.messages:
             times = [message.time for message in rollout.messages]
             self._sent_at, self._num_sent = times[-1], times.count(times[-1])
@@ -381,15 +381,15 @@ class RobotTopics:
             times = [each.time for each in rollout.inputs]
             self._input_at, self._num_inputs = times[-1], times.count(times[-1])
 
-    def _tell_goals(self, rollout: Rollout) -> Iterator[BagMessage]:
+    def _goal_messages(self, rollout: Rollout) -> Iterator[BagMessage]:
         for number, goal in enumerate(rollout.goals):
             known = self._goals.get(number, "")
             if known == goal.status:
                 continue
             self._goals[number] = goal.status
-            yield from tell_goal(goal, number, is_new=not known, rollout=rollout)
+            yield from goal_messages(goal, number, is_new=not known, rollout=rollout)
 
-    def _tell_active(
+    def _active_messages(
         self, rollout: Rollout, row: int, time_ns: int
     ) -> Iterator[BagMessage]:
         active = rollout.active[row].tolist()
@@ -399,7 +399,7 @@ class RobotTopics:
                 f"{rollout.namespace}{ACTIVE}", NUMBERS_TYPE, time_ns, {"data": active}
             )
 
-    def _tell_tf(
+    def _tf_messages(
         self, rollout: Rollout, times: NDArray[np.int64], new: NDArray[np.int64]
     ) -> Iterator[BagMessage]:
         rows = []
@@ -462,7 +462,7 @@ class BagWriter:
         messages: list[BagMessage] = []
         for rollout in rollouts:
             topics = self._robots.setdefault(rollout.namespace, RobotTopics())
-            messages += topics.tell(rollout)
+            messages += topics.messages_of(rollout)
             for time in rollout.time:
                 time_ns = round(float(time) * NANOSECONDS)
                 if time_ns > self._clock_ns:

@@ -87,12 +87,8 @@ def compare(a: Rollout, b: Rollout, tolerance: float = 0.0) -> Comparison:
     """Return where two rollouts differ.
 
     Rows are compared at the times of A that B has too; if it has none of them, B is
-    interpolated where both were running.
-
-    Args:
-        a: A rollout.
-        b: Another one.
-        tolerance: What counts as equal, in the unit of each quantity.
+    interpolated where both were running. What differs by less than the tolerance, in
+    the unit of each quantity, is equal.
     """
     mine, theirs = a.columns(), b.columns()
     differences = [*_compare_times(a.time, b.time)]

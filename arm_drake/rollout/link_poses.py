@@ -4,6 +4,7 @@ Sources: robot_state_publisher (`/tf` for joints that move, `/tf_static` for oth
 and URDF (order of roll, pitch and yaw).
 """
 
+import functools
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -86,7 +87,7 @@ def read_transforms(
     """
     return tuple(
         _moved(_read_joint(joint), pose)
-        for joint in ET.fromstring(description).iterfind("joint")  # noqa: S314
+        for joint in _parse(description).iterfind("joint")
         if joint.get("type") not in FREE_TYPES
     )
 
@@ -94,7 +95,7 @@ def read_transforms(
 def root_links(description: str, transforms: Iterable[LinkTransform]) -> list[str]:
     """Return the links that are in no parent, the world left out."""
     children = {transform.child for transform in transforms}
-    root = ET.fromstring(description)  # noqa: S314  what was loaded.
+    root = _parse(description)
     names = [link.get("name", "") for link in root.iterfind("link")]
     return [name for name in names if name not in children and name != WORLD]
 
@@ -122,6 +123,12 @@ def rotate(quaternion: Array, vector: Array) -> Array:
     """Return a vector of shape (3,), rotated by a quaternion w, x, y, z."""
     w, v = quaternion[0], quaternion[1:]
     return vector + 2.0 * np.cross(v, np.cross(v, vector) + w * vector)
+
+
+@functools.lru_cache(maxsize=1)
+def _parse(description: str) -> ET.Element:
+    """Return the tree of a URDF that was loaded; nobody changes it."""
+    return ET.fromstring(description)  # noqa: S314
 
 
 def _read_joint(joint: ET.Element) -> LinkTransform:
@@ -245,14 +252,14 @@ def _transforms(rollout: RecordedMotion) -> dict[str, LinkTransform]:
 
 
 def _links(rollout: RecordedMotion) -> Iterator[str]:
-    root = ET.fromstring(rollout.description)  # noqa: S314  what was loaded.
+    root = _parse(rollout.description)
     names = (link.get("name", "") for link in root.iterfind("link"))
     return (name for name in names if name != WORLD)
 
 
 def _mimics(rollout: RecordedMotion) -> set[str]:
     """Return the joints that follow others."""
-    root = ET.fromstring(rollout.description)  # noqa: S314
+    root = _parse(rollout.description)
     joints = (j for j in root.iterfind("joint") if j.find("mimic") is not None)
     return {joint.get("name", "") for joint in joints}
 
@@ -304,7 +311,7 @@ def _root_poses(rollout: RecordedMotion, root: str) -> Array:
     num = len(rollout.time)
     if root in rollout.free_poses:
         return rollout.free_poses[root].copy()
-    tree = ET.fromstring(rollout.description)  # noqa: S314
+    tree = _parse(rollout.description)
     for joint in tree.iterfind("joint"):
         child = joint.find("child")
         if child is not None and child.get("link") == root:

@@ -53,12 +53,12 @@ def write_rollout(rollout: Rollout, path: Path) -> None:
         arrays[f"{link}/contact_force"] = forces
     for topic, messages in rollout.sensor_messages.items():
         if messages:
-            arrays |= _tell_sensor(topic, messages)
+            arrays |= _sensor_arrays(topic, messages)
     with path.open("wb") as file:
         np.savez(file, **arrays)
 
 
-def _tell_sensor(topic: str, messages: Sequence[Message]) -> dict[str, Any]:
+def _sensor_arrays(topic: str, messages: Sequence[Message]) -> dict[str, Any]:
     """Return messages as arrays: their fields as JSON, their bytes as they are."""
     fields = [to_fields(message) for message in messages]
     data = [each.pop("data", b"") for each in fields]

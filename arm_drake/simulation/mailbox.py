@@ -67,7 +67,7 @@ class GoalHandle:
         self._sources: list[Callable[[], FollowJointTrajectoryFeedback]] = []
 
     def update(self, event: GoalEvent) -> None:
-        """Take the controller's news of this goal."""
+        """Take an event of this goal."""
         self.status = event.status
         self.result = event.result or self.result
         self.note = event.note or self.note
@@ -139,7 +139,7 @@ class Sent(NamedTuple):
 
 
 class Mailbox:
-    """Puts messages on the ports of a diagram, and collects the news."""
+    """Puts messages on the ports of a diagram, and collects the events."""
 
     def __init__(
         self,
@@ -212,7 +212,7 @@ class Mailbox:
         # What clients of other programs asked for, in order.
         self.inputs: list[ClientInput] = []
 
-        # News of the simulation itself.
+        # Events of the simulation itself.
         self._own: list[Rejection | TaskOutcome] = []
 
         self.goals: list[GoalHandle] = []
@@ -329,7 +329,7 @@ class Mailbox:
                 goal.forget_feedback()
 
     def collect(self) -> Iterator[SimulationEvent]:
-        """Yield the news since the last time, one source after the other.
+        """Yield the events since the last time, one source after the other.
 
         A goal's handle knows no more than what was told so far.
         """

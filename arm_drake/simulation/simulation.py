@@ -254,7 +254,7 @@ def advance(simulator: Simulator, time: float) -> None:
 # How long a goal may take after the end of its trajectory [s], and how often is looked.
 _GOAL_PATIENCE, _GOAL_PERIOD = 5.0, 0.02
 
-# Ticks between two looks at the controllers' news; they keep the latest 64.
+# Ticks between two looks at the controllers' events; they keep the latest 64.
 _TICKS_AT_A_TIME = 50
 
 # What a robot can be asked for by its name: `/<robot>/home`.
@@ -487,7 +487,7 @@ class Simulation:
     def request_switch(
         self, request: SwitchController, robot: str | None = None, *, where: str = ""
     ) -> None:
-        """Send a request to the controller manager; what becomes of it is news.
+        """Send a request to the controller manager; what becomes of it is an event.
 
         Args:
             request: What to activate and deactivate.
@@ -536,7 +536,7 @@ class Simulation:
         return read_joint_states(self.diagram, self.simulator.get_context(), manager)
 
     def on_event(self, callback: Callable[[SimulationEvent], None]) -> None:
-        """Call a function with news from controllers and their managers.
+        """Call a function with events of controllers and their managers.
 
         Goals come as their handles; refused messages and parameters, answers to
         cancels, results of switches and failures of controllers as themselves.
@@ -581,7 +581,7 @@ class Simulation:
         return (math.floor(time / self.period + TICK_TOLERANCE) + 1) * self.period
 
     def _next_events(self, time: float) -> float:
-        """Return when to look for news next [s], where all ticks are exchanged."""
+        """Return when to look for events next [s], where all ticks are exchanged."""
         pause = _TICKS_AT_A_TIME * self.period
         return (math.floor(time / pause + TICK_TOLERANCE) + 1) * pause
 

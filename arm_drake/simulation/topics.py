@@ -250,7 +250,7 @@ _MANAGER_SERVICES = {
     "list_controllers": "list_controllers",
 }
 
-# News for the Simulation; no topic of ROS.
+# Events for the Simulation; no topic of ROS.
 _EVENTS = "events"
 
 # Where all of a robot publish where their frames are, in ROS.

@@ -21,7 +21,6 @@ from pydrake.geometry import (
     Mesh,
     Meshcat,
     MeshcatCone,
-    PolygonSurfaceMesh,
     Rgba,
     Role,
     SceneGraph,
@@ -45,6 +44,7 @@ from arm_drake.description.joints import WORLD
 from arm_drake.description.meshes.reading import read_surfaces
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import InputError, suggest
+from arm_drake.plant.contact import hull_triangles, hull_vertices
 
 # A robot without shapes whose links are all in one place counts as so large [m].
 _SMALLEST = 0.1
@@ -236,7 +236,8 @@ def collision_solid(
     surface = inspector.maybe_get_hydroelastic_mesh(geometry)
     if isinstance(surface, TriangleSurfaceMesh):
         return _from_triangles(surface)
-    return _from_polygons(inspector.GetConvexHull(geometry))
+    hull = inspector.GetConvexHull(geometry)
+    return _pack(hull_vertices(hull), hull_triangles(hull))
 
 
 def _read_triangles(path: Path, scale: NDArray[np.float64]) -> Triangles:
@@ -252,17 +253,6 @@ def _from_triangles(mesh: TriangleSurfaceMesh) -> Triangles:
     corners = range(3)
     faces = [[face.vertex(i) for i in corners] for face in mesh.triangles()]
     return _pack(np.array(mesh.vertices()), np.array(faces))
-
-
-def _from_polygons(mesh: PolygonSurfaceMesh) -> Triangles:
-    vertices = [mesh.vertex(i) for i in range(mesh.num_vertices())]
-    faces = []
-    for index in range(mesh.num_faces()):
-        polygon = mesh.element(index)
-        corners = [polygon.vertex(i) for i in range(polygon.num_vertices())]
-        # Faces of a hull are convex: a fan covers them.
-        faces += [(corners[0], b, c) for b, c in itertools.pairwise(corners[1:])]
-    return _pack(np.array(vertices), np.array(faces))
 
 
 def _pack(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Triangles:

@@ -9,7 +9,6 @@ import mimetypes
 import socket
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from pydrake.common import MemoryFile
@@ -27,9 +26,7 @@ from pydrake.math import RigidTransform
 
 from arm_drake.arrays import Array
 from arm_drake.errors import InputError
-
-if TYPE_CHECKING:
-    from arm_drake.worlds.sdf_models import GroundLook
+from arm_drake.worlds.sdf_models import GroundLook
 
 # Where a robot is looked at from: in front of it, to its right, above it.
 THREE_QUARTER = (0.8, -1.0, 0.45)
@@ -342,7 +339,7 @@ def grid_scale(diameter: float) -> float:
 
 
 def show_ground(
-    meshcat: Meshcat, *, has_lines: bool = True, look: "GroundLook | None" = None
+    meshcat: Meshcat, *, has_lines: bool = True, look: GroundLook | None = None
 ) -> None:
     """Draw the plane z = 0 with lines 1 m and 0.1 m apart, axes, a sun with shadows.
 

@@ -654,20 +654,7 @@ def draw_rollout(
     joints: Sequence[str] | None = None,
     link: str | None = None,
 ) -> Figure:
-    """Return a picture of a rollout.
-
-    Args:
-        rollout: The rollout.
-        path: `.png`, `.svg` or `.pdf` file to write; None writes none.
-        kind: One of PLOT_KINDS.
-        joints: Which joints, in this order; None is all of them.
-        link: Whose way is drawn; None is the end effector.
-
-    Raises:
-        InputError: If there is no such kind, joint or link, or the rollout lacks what
-            it takes.
-        OutputError: If the picture can't be written.
-    """
+    """Return a picture of a rollout, of one of PLOT_KINDS; see `Rollout.plot`."""
     if kind not in PLOT_KINDS:
         raise InputError(
             f"unknown kind {kind!r} of a plot; {suggest(kind, PLOT_KINDS)}"
@@ -689,15 +676,7 @@ def draw_rollout(
 
 
 def draw_plan(plan: Plan, path: Path | None = None) -> Figure:
-    """Return a picture of a plan: its joints over time, and the way of its link.
-
-    Args:
-        plan: The plan.
-        path: `.png`, `.svg` or `.pdf` file to write; None writes none.
-
-    Raises:
-        OutputError: If the picture can't be written.
-    """
+    """Return a picture of a plan: its joints over time, and the way of its link."""
     if path is not None:
         check_plot_path(path)
     picture = plot_plan(plan)

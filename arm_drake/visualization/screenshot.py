@@ -208,19 +208,10 @@ def save_screenshot(
     paths: Sequence[str] = ("drake/visual",),
     photographer: Photographer | None = None,
 ) -> Camera:
-    """Write a picture of a Meshcat scene and return where it was taken from.
+    """Write a picture of a Meshcat scene as PNG and return where it was taken from.
 
-    Args:
-        meshcat: The scene.
-        path: PNG file to write.
-        size: Width and height [pixels].
-        paths: What must be in the picture, as paths of the scene.
-        photographer: Who takes it, for several pictures; by default a new one.
-
-    Raises:
-        MissingExtraError: If the extra `browser` isn't installed.
-        BrowserError: If there is no browser, or it doesn't draw the scene.
-        OutputError: If the picture can't be written.
+    The size is [pixels], `paths` are what of the scene must be in the picture. For
+    several pictures a photographer is given, else there is a new one.
     """
     check_suffix(path, "a screenshot", SCREENSHOT_SUFFIXES)
     with contextlib.ExitStack() as stack:

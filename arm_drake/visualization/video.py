@@ -93,7 +93,7 @@ def save_video(
             f"size of a film: expected even numbers of pixels, 2 or more, got {size}"
         )
     check_writable(path)
-    camera = _CameraMan(path, frame_rate, size, paths)
+    camera = _FrameRecorder(path, frame_rate, size, paths)
     with contextlib.ExitStack() as stack:
         if photographer is None:
             photographer = stack.enter_context(Photographer())
@@ -109,7 +109,7 @@ def save_video(
             raise
 
 
-class _CameraMan:
+class _FrameRecorder:
     """Films in the browser's thread, and can be asked from another one."""
 
     def __init__(

@@ -288,7 +288,7 @@ class Call(NamedTuple):
 
 @dc.dataclass(frozen=True)
 class GoalEvent:
-    """News of a goal that a client sent."""
+    """Event of a goal that a client sent."""
 
     goal_id: str
     action: Action

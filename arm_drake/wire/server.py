@@ -62,7 +62,7 @@ _MAX_UNREAD = 64_000_000
 # than that leaves messages out.
 _MAX_RATE = 1250.0
 
-# News of goals are looked for so often [s].
+# Events of goals are looked for so often [s].
 _EVENTS_PERIOD = 0.01
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
@@ -426,7 +426,7 @@ class RosServer:
             topic.reset()
         self._events_due = self._trim_due = 0.0
         for goal in list(self._goals.values()):
-            self._tell(goal, GoalStatus.ABORTED, {}, "the simulation was reset")
+            self._update_goal(goal, GoalStatus.ABORTED, {}, "the simulation was reset")
         self._goals.clear()
         for switch in self._switches:
             switch.reply({"ok": False, "message": "the simulation was reset"})
@@ -495,20 +495,20 @@ class RosServer:
         is_new = goal.reported is GoalStatus.PENDING
         if is_new and handle.status not in (GoalStatus.PENDING, GoalStatus.REJECTED):
             goal.reported = GoalStatus.EXECUTING
-            self._tell(goal, GoalStatus.EXECUTING, {}, "", kind="accepted")
+            self._update_goal(goal, GoalStatus.EXECUTING, {}, "", kind="accepted")
         feedback = handle.feedback
         for each in feedback[goal.num_feedback :]:
             fields = to_fields(each, self.offset_ns)
-            self._tell(goal, GoalStatus.EXECUTING, fields, "", kind="feedback")
+            self._update_goal(goal, GoalStatus.EXECUTING, fields, "", kind="feedback")
         goal.num_feedback = len(feedback)
         if handle.status.is_terminal and not goal.reported.is_terminal:
             goal.reported = handle.status
             result = to_fields(handle.result) if handle.result is not None else {}
             reason = getattr(handle.result, "error_string", "") or handle.note
-            self._tell(goal, handle.status, result, reason)
+            self._update_goal(goal, handle.status, result, reason)
             self._goals.pop(goal.request.goal_id, None)
 
-    def _tell(
+    def _update_goal(
         self,
         goal: _Goal,
         status: GoalStatus,

@@ -92,7 +92,7 @@ class _Publisher(_Entity):
                 session, key, cache=cache, publisher_detection=True
             )
             # What asks the way that the first versions of rmw_zenoh did.
-            transport.keep(session.declare_queryable(key, self._tell_last))
+            transport.keep(session.declare_queryable(key, self._answer_with_last))
         else:
             self._publisher = session.declare_publisher(key)
         transport.keep(self._publisher)
@@ -109,7 +109,7 @@ class _Publisher(_Entity):
         self.last = data, attachment
         self._publisher.put(data, attachment=attachment)
 
-    def _tell_last(self, query: zenoh.Query) -> None:
+    def _answer_with_last(self, query: zenoh.Query) -> None:
         if self.last is not None:
             data, attachment = self.last
             query.reply(query.key_expr, data, attachment=attachment)
@@ -166,13 +166,13 @@ class _ActionServer:
         elif event.kind == "accepted":
             self._goals[id_] = {"goal_info": goal, "status": _EXECUTING}
             reply({"accepted": True, "stamp": stamp})
-            self._tell_status()
+            self._publish_status()
         elif event.kind == "feedback":
             self._feedback.publish({"goal_id": goal["goal_id"], "feedback": event.data})
         elif event.kind == "result":
             known = self._goals.setdefault(id_, {"goal_info": goal})
             known["status"] = event.status
-            self._tell_status()
+            self._publish_status()
             result = {"status": event.status, "result": event.data}
             self._results[id_] = result
             for answer in self._waiting.pop(id_, ()):
@@ -184,7 +184,7 @@ class _ActionServer:
             while len(known) > _NUM_GOALS:
                 del known[next(iter(known))]
 
-    def _tell_status(self) -> None:
+    def _publish_status(self) -> None:
         self._status.publish({"status_list": list(self._goals.values())})
 
     def _result(

@@ -15,6 +15,7 @@ from arm_drake.description.meshes.conversion import (
     Scale,
     convert_collision,
     convert_visual,
+    describe_loss,
 )
 from arm_drake.description.report import Severity
 from arm_drake.errors import InputError
@@ -413,9 +414,7 @@ class _Shape:
         return [self.element]
 
     def _drop(self, what: str) -> list[ET.Element]:
-        is_visual = self.element.tag == "visual"
-        severity: Severity = "warning" if is_visual else "error"
-        done = "it isn't drawn" if is_visual else "nothing collides with it"
+        severity, done = describe_loss(is_visual=self.element.tag == "visual")
         self._say(what, done, severity)
         return []
 

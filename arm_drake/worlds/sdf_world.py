@@ -4,12 +4,12 @@ import dataclasses as dc
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pydrake.geometry import Meshcat
 from pydrake.multibody.plant import MultibodyPlant
 
 from arm_drake.description.report import LoadReport, Severity
+from arm_drake.worlds.lights import Light, read_lights
 from arm_drake.worlds.sdf_files import (
     SdfFile,
     name_of,
@@ -19,9 +19,6 @@ from arm_drake.worlds.sdf_files import (
     text_of,
 )
 from arm_drake.worlds.sdf_models import Cleaner, GroundLook
-
-if TYPE_CHECKING:
-    from arm_drake.worlds.lights import Light
 
 Vector = tuple[float, float, float]
 
@@ -56,7 +53,7 @@ class LoadedWorld:
     background: Vector | None = None
 
     # Lights by which cameras see; None are those of a day.
-    lights: "tuple[Light, ...] | None" = None
+    lights: tuple[Light, ...] | None = None
 
     # What was not taken as written.
     report: LoadReport = dc.field(default_factory=LoadReport)
@@ -110,7 +107,7 @@ class SdfWorld:
     has_grid: bool
     ground: GroundLook | None
     background: Vector | None
-    lights: "tuple[Light, ...] | None"
+    lights: tuple[Light, ...] | None
 
     # Models and inclusions, those that stand still and those that move.
     static: Sequence[ET.Element]
@@ -266,14 +263,9 @@ def _read_gravity(world: ET.Element, file: SdfFile) -> Vector | None:
     return values
 
 
-def _read_lights(world: ET.Element, file: SdfFile) -> "tuple[Light, ...] | None":
+def _read_lights(world: ET.Element, file: SdfFile) -> tuple[Light, ...] | None:
     elements = world.findall("light")
-    if not elements:
-        return None
-    # Not at the top: the empty world has none, and the import takes 1.5 ms.
-    from arm_drake.worlds.lights import read_lights
-
-    return read_lights(elements, file)
+    return read_lights(elements, file) if elements else None
 
 
 def _read_background(scene: ET.Element | None) -> Vector | None:

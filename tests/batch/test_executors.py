@@ -148,7 +148,7 @@ def test_errors_of_runs_are_theirs() -> None:
         ),
     ],
 )
-def test_what_can_not_be_used_is_told(options, message) -> None:
+def test_what_can_not_be_used_is_reported(options, message) -> None:
     with pytest.raises(InputError) as caught:
         ad.run_many([1], abs, **options)
 
@@ -303,7 +303,9 @@ def test_what_is_in_the_file_is_not_run_again(tmp_path) -> None:
 
 
 @pytest.mark.slow
-def test_what_was_there_is_told_wherever_the_rest_runs(tmp_path, monkeypatch) -> None:
+def test_what_was_there_is_reported_wherever_the_rest_runs(
+    tmp_path, monkeypatch
+) -> None:
     path, inputs = tmp_path / "study.runs", [0.0, 0.01, 0.02, 0.03, 0.04]
     monkeypatch.setattr(os, "pwrite", fail_after(os.pwrite, 2))
     with pytest.raises(OutputError):

@@ -203,7 +203,7 @@ def test_a_simulation_is_taken_where_it_is(tmp_path) -> None:
         ),
     ],
 )
-def test_a_pose_that_is_none_is_told(lift, at, message) -> None:
+def test_a_pose_that_is_none_is_reported(lift, at, message) -> None:
     with pytest.raises(InputError) as caught:
         ad.linearize(lift, at)
 
@@ -228,7 +228,7 @@ def test_an_interface_that_nobody_commands_takes_no_part(tmp_path, model) -> Non
     assert [pole.z for pole in found.poles] == [pole.z for pole in model.poles]
 
 
-def test_a_joint_that_rests_at_its_limit_is_told(tmp_path) -> None:
+def test_a_joint_that_rests_at_its_limit_is_reported(tmp_path) -> None:
     urdf = LIFT.replace('lower="-1"', 'lower="0"')
     robot = load(tmp_path, urdf, trajectory_controllers({"arm": ["slide"]}))
     told: list[tuple[str, int, int]] = []

@@ -167,7 +167,7 @@ def test_the_command_runs_it_writes_and_goes_on(folder, capsys, monkeypatch) -> 
         ("seed: 7", "where: {}", "expected cluster: an address, or workers"),
     ],
 )
-def test_what_is_wrong_is_told_with_its_place(folder, old, new, message) -> None:
+def test_what_is_wrong_is_reported_with_its_place(folder, old, new, message) -> None:
     assert old in STUDY
     file = folder / "study.yaml"
     file.write_text(STUDY.replace(old, new))

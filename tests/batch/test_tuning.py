@@ -166,14 +166,14 @@ def test_the_command_tells_and_draws(lift, tmp_path, capsys) -> None:
         ),
     ],
 )
-def test_what_can_not_be_tuned_is_told(lift, options, message) -> None:
+def test_what_can_not_be_tuned_is_reported(lift, options, message) -> None:
     with pytest.raises(InputError) as caught:
         ad.tune_gains(lift, **options)
 
     assert str(caught.value).startswith(message)
 
 
-def test_a_robot_without_pids_is_told(tmp_path) -> None:
+def test_a_robot_without_pids_is_reported(tmp_path) -> None:
     robot = load(tmp_path, TWO_LINKS, trajectory_controllers({"arm": ["shoulder"]}))
 
     with pytest.raises(InputError, match="has no PIDs that push joints"):

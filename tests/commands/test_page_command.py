@@ -11,8 +11,8 @@ import pytest
 import arm_drake as ad
 from arm_drake.cli import main
 from arm_drake.commands.page import (
-    from_elsewhere,
     interrupting,
+    remote_hint,
     ssh_command,
     start_page,
 )
@@ -76,7 +76,7 @@ def test_at_a_screen_nobody_needs_the_way_from_elsewhere(
     options: argparse.Namespace,
 ) -> None:
     with start_page(options) as page:
-        assert from_elsewhere(page) == ""
+        assert remote_hint(page) == ""
 
 
 def test_who_comes_through_ssh_is_told_the_way(
@@ -86,13 +86,13 @@ def test_who_comes_through_ssh_is_told_the_way(
     monkeypatch.setenv("SSH_CONNECTION", "192.0.2.7 50000 192.0.2.1 22")
 
     with start_page(options) as page:
-        assert from_elsewhere(page) == (
+        assert remote_hint(page) == (
             f"from another machine: ssh -L {page.port}:localhost:{page.port} "
             "ada@192.0.2.1"
         )
         options.host = "*"
         with start_page(options) as public:
-            assert from_elsewhere(public) == ""
+            assert remote_hint(public) == ""
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have a screen")
@@ -103,9 +103,9 @@ def test_without_a_screen_the_way_is_told_too(
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
 
     with start_page(options) as page:
-        assert from_elsewhere(page).endswith(" ada@robot-pc")
+        assert remote_hint(page).endswith(" ada@robot-pc")
         monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-0")
-        assert from_elsewhere(page) == ""
+        assert remote_hint(page) == ""
 
 
 @pytest.mark.parametrize("connection", ["", "192.0.2.7", "a b c d e"])

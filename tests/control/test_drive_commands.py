@@ -155,7 +155,7 @@ def test_an_acceleration_is_told_as_one():
     assert parts(servo_input) == expected
 
 
-def test_what_is_claimed_beside_a_position_is_told_too():
+def test_what_is_claimed_beside_a_position_is_reported_too():
     drive = make_drive()
     values = values_of(a_position=0.1, a_acceleration=2.5, b_position=0.2, b_effort=3.0)
     mode = mode_of("a/position", "a/acceleration", "b/position", "b/effort")

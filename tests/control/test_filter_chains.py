@@ -182,7 +182,7 @@ def test_a_rate_limiter_limits_each_channel_from_its_first_sample_on() -> None:
         ),
     ],
 )
-def test_what_is_wrong_with_a_chain_is_told(parameters: Any, problem: str) -> None:
+def test_what_is_wrong_with_a_chain_is_reported(parameters: Any, problem: str) -> None:
     with pytest.raises(ValueError, match="filter") as caught:
         make_filter_chain(parameters, "c")
 

@@ -314,38 +314,41 @@ def start_dynamics(**options: object) -> Rig:
     return rig
 
 
-def test_dynamics_are_calculated_from_each_joint_s_mode():
-    rig = start_dynamics()
+# Of five reads; between the third and the fourth both joints are switched to velocity.
+DYNAMICS = [
+    [0.11, -33.4, -334, 2.815, 0.35, 3.5],
+    [0.11, 0, 334, 2.885, 0.7, 3.5],
+    [0.11, 0, 0, 2.99, 1.05, 3.5],
+    [0.16, 0.5, 5, 3.19, 2, 9.5],
+    [0.21, 0.5, 0, 3.39, 2, 0],
+]
 
-    rig.read()
-    assert rig.get(*DYNAMIC_NAMES) == pytest.approx(
-        [0.11, -33.4, -334, 2.815, 0.35, 3.5]
-    )
-    rig.read()
-    assert rig.get(*DYNAMIC_NAMES) == pytest.approx([0.11, 0, 334, 2.885, 0.7, 3.5])
-    rig.read()
-    assert rig.get(*DYNAMIC_NAMES) == pytest.approx([0.11, 0, 0, 2.99, 1.05, 3.5])
-    rig.switch("joint1/velocity", "joint2/velocity")
-    rig.read(joint1__velocity=0.5, joint2__velocity=2.0)
-    assert rig.get(*DYNAMIC_NAMES) == pytest.approx([0.16, 0.5, 5, 3.19, 2, 9.5])
-    rig.read()
-    assert rig.get(*DYNAMIC_NAMES) == pytest.approx([0.21, 0.5, 0, 3.39, 2, 0])
+# Humble moves the position first.
+DYNAMICS_OF_HUMBLE = [
+    [0.11, -33.4, -334, 2.78, 0, 3.5],
+    [0.11, 0, 334, 2.78, 0.35, 3.5],
+    [0.11, 0, 0, 2.815, 0.7, 3.5],
+    [0.11, 0.5, 5, 2.885, 2, 13],
+    [0.16, 0.5, 0, 3.085, 2, 0],
+]
 
 
-def test_humble_moves_the_position_first():
-    rig = start_dynamics(humble=True)
+@pytest.mark.parametrize(
+    ("humble", "expected"), [(False, DYNAMICS), (True, DYNAMICS_OF_HUMBLE)]
+)
+def test_dynamics_are_calculated_from_each_joint_s_mode(humble, expected):
+    rig = start_dynamics(humble=humble)
 
-    rig.read()
-    assert rig.get(*DYNAMIC_NAMES) == pytest.approx([0.11, -33.4, -334, 2.78, 0, 3.5])
-    rig.read()
-    assert rig.get(*DYNAMIC_NAMES) == pytest.approx([0.11, 0, 334, 2.78, 0.35, 3.5])
-    rig.read()
-    assert rig.get(*DYNAMIC_NAMES) == pytest.approx([0.11, 0, 0, 2.815, 0.7, 3.5])
-    rig.switch("joint1/velocity", "joint2/velocity")
-    rig.read(joint1__velocity=0.5, joint2__velocity=2.0)
-    assert rig.get(*DYNAMIC_NAMES) == pytest.approx([0.11, 0.5, 5, 2.885, 2, 13])
-    rig.read()
-    assert rig.get(*DYNAMIC_NAMES) == pytest.approx([0.16, 0.5, 0, 3.085, 2, 0])
+    found = []
+    for number in range(5):
+        if number == 3:
+            rig.switch("joint1/velocity", "joint2/velocity")
+            rig.read(joint1__velocity=0.5, joint2__velocity=2.0)
+        else:
+            rig.read()
+        found.append(rig.get(*DYNAMIC_NAMES))
+
+    assert np.array(found) == pytest.approx(np.array(expected))
 
 
 def test_joints_are_commanded_by_position_first():

@@ -101,7 +101,7 @@ def test_an_inactive_controller_takes_speed_factors() -> None:
     assert state.scaling_factor == 0.5
 
 
-def test_a_goal_that_a_deactivation_aborts_is_told_by_its_monitor() -> None:  # A15
+def test_a_goal_that_a_deactivation_aborts_is_reported_by_its_monitor() -> None:  # A15
     rules, goal = make_rules(), make_goal(make_message((1.0, (2.0, 3.0, 4.0))))
     state = tick(rules, JointTrajectoryState(), inputs_at(0, requests=(goal,)))
     state = deactivate(rules, state, inputs_at(1))

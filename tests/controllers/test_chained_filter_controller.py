@@ -135,7 +135,7 @@ def test_an_activation_forgets_outputs_but_not_what_filters_remember() -> None:
     assert again == [1.5]
 
 
-def test_a_filter_that_can_not_be_made_is_told() -> None:
+def test_a_filter_that_can_not_be_made_is_reported() -> None:
     with pytest.raises(ParameterError) as caught:
         drive(2, own={INPUTS[1]: {**mean(2), "filter1.type": "filters/Mean"}})
 

@@ -156,7 +156,7 @@ def test_with_a_negative_timeout_no_command_is_taken() -> None:
     assert len(driven.reasons()) == 1
 
 
-def test_old_command_is_told_and_not_taken() -> None:
+def test_old_command_is_reported_and_not_taken() -> None:
     driven = drive(cmd_vel_timeout=0.1)
     for _ in range(30):
         driven.run()

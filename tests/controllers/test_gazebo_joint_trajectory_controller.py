@@ -206,7 +206,7 @@ def test_without_names_all_joints_are_controlled() -> None:
     assert commands(driven) == {"a/effort": 3.0, "b/effort": 8.0}
 
 
-def test_joints_of_others_are_passed_over_and_told() -> None:
+def test_joints_of_others_are_passed_over_and_reported() -> None:
     driven = drive()
     point = JointTrajectoryPoint(positions=(7.0, 1.0, 8.0))
 

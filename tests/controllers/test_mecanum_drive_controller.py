@@ -133,7 +133,7 @@ def test_in_the_tick_of_the_timeout_rest_is_asked_for_and_then_nothing() -> None
     np.testing.assert_array_equal(requested, [3.0, 0.0, math.nan])
 
 
-def test_a_message_that_comes_too_late_stops_the_base_and_is_told() -> None:
+def test_a_message_that_comes_too_late_stops_the_base_and_is_reported() -> None:
     driven = drive(reference_timeout=0.02)
     for _ in range(10):
         driven.run()
@@ -174,7 +174,9 @@ def test_without_a_timeout_a_message_is_used_once() -> None:  # ME5
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_a_message_that_is_not_finite_stops_the_base_and_is_told(bad: float) -> None:
+def test_a_message_that_is_not_finite_stops_the_base_and_is_reported(
+    bad: float,
+) -> None:
     driven = drive()
     driven.run({"reference": twist(3.0)})
 

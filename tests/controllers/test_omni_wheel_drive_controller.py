@@ -173,7 +173,7 @@ def test_a_command_that_gets_too_old_stops_the_base() -> None:
     assert moving == [True, True, False, False]
 
 
-def test_a_command_that_comes_too_late_is_ignored_and_told() -> None:
+def test_a_command_that_comes_too_late_is_ignored_and_reported() -> None:
     driven = drive(cmd_vel_timeout=0.02)
     for _ in range(10):
         driven.run()

@@ -243,7 +243,7 @@ def test_a_deactivation_leaves_no_command(type_: str) -> None:
     assert np.isnan(again.command[n:]).all()
 
 
-def test_what_cannot_be_taken_is_told() -> None:
+def test_what_cannot_be_taken_is_reported() -> None:
     driven = drive(reference_timeout=0.05)
     for _ in range(20):
         driven.run()
@@ -308,7 +308,7 @@ def test_humble_takes_messages_without_a_stamp() -> None:
     assert driven.system.message_types["reference_unstamped"] is Twist
 
 
-def test_nothing_is_told_before_the_first_tick() -> None:
+def test_nothing_is_reported_before_the_first_tick() -> None:
     driven = drive()
 
     assert driven.output("odometry") == Odometry()

@@ -257,7 +257,7 @@ def test_a_tick_that_cannot_read_the_joints_fails() -> None:
     assert driven.command_values.tolist() == [0.0, 0.0]
 
 
-def test_commands_that_are_not_finite_or_come_too_early_are_told() -> None:
+def test_commands_that_are_not_finite_or_come_too_early_are_reported() -> None:
     driven = drive()
     driven.run(command(1.0, 0.0))
 

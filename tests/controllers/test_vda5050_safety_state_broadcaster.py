@@ -56,7 +56,7 @@ def test_it_reads_its_interfaces_in_the_order_of_their_kinds() -> None:
         ({"plc2/remote": 0.0, "plc1/autoack": 0.0}, "none", True),
     ],
 )
-def test_the_first_stop_in_order_is_told(
+def test_the_first_stop_in_order_is_reported(
     changes: dict[str, float], e_stop: str, field_violation: bool
 ) -> None:
     driven = drive()
@@ -67,7 +67,7 @@ def test_the_first_stop_in_order_is_told(
     assert driven.output(TOPIC) == VDA5050SafetyState(e_stop, field_violation)
 
 
-def test_before_the_first_tick_nothing_is_told() -> None:
+def test_before_the_first_tick_nothing_is_reported() -> None:
     assert drive().output(TOPIC) == VDA5050SafetyState("none", field_violation=False)
 
 

@@ -107,19 +107,20 @@ def test_of_copies_below_a_package_path_the_entrys_own_counts(tmp_path, own):
     assert PackageFinder(entry, [tmp_path]).find("arm") == tmp_path / own
 
 
-@pytest.mark.parametrize("variable", ["AMENT_PREFIX_PATH", "COLCON_PREFIX_PATH"])
-def test_installed_packages_are_found_in_share(tmp_path, monkeypatch, variable):
-    installed = add_package(tmp_path / "ros" / "share" / "meshes")
+@pytest.mark.parametrize(
+    ("variable", "paths", "folder"),
+    [
+        ("AMENT_PREFIX_PATH", "/nowhere:{}", "share/meshes"),
+        ("COLCON_PREFIX_PATH", "/nowhere:{}", "share/meshes"),
+        ("ROS_PACKAGE_PATH", ":{}", "meshes"),
+    ],
+)
+def test_installed_packages_are_found_by_variables_of_ros(
+    tmp_path, monkeypatch, variable, paths, folder
+):
+    installed = add_package(tmp_path / "ros" / folder)
     entry = tmp_path / "1" / "2" / "3" / "4" / "5" / "robot.urdf"
-    monkeypatch.setenv(variable, f"/nowhere:{tmp_path / 'ros'}")
-
-    assert PackageFinder(entry).find("meshes") == installed
-
-
-def test_ros_package_path_is_searched(tmp_path, monkeypatch):
-    installed = add_package(tmp_path / "ros" / "meshes")
-    entry = tmp_path / "1" / "2" / "3" / "4" / "5" / "robot.urdf"
-    monkeypatch.setenv("ROS_PACKAGE_PATH", f":{tmp_path / 'ros'}")
+    monkeypatch.setenv(variable, paths.format(tmp_path / "ros"))
 
     assert PackageFinder(entry).find("meshes") == installed
 

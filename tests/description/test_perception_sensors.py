@@ -175,7 +175,7 @@ def test_what_is_taken_otherwise_is_a_warning(
         ("multicamera", '<camera name="a"><pose>1 0 0 0 0 0</pose></camera>', []),
     ],
 )  # fmt: skip
-def test_each_tag_without_an_effect_is_told(
+def test_each_tag_without_an_effect_is_reported(
     kind: str, inside: str, told: list[str]
 ) -> None:
     robot = load(kind, inside)
@@ -185,7 +185,7 @@ def test_each_tag_without_an_effect_is_told(
     ]
 
 
-def test_another_name_that_a_sensor_gets_is_told() -> None:
+def test_another_name_that_a_sensor_gets_is_reported() -> None:
     camera = _CAMERA.format("")
     again = f'</sensor><sensor name="front" type="camera">{camera}'
     robot = load("camera", camera + again + again)

@@ -276,7 +276,7 @@ def test_nothing_changes_by_itself(file):
     assert watcher.changed() == ()
 
 
-def test_changes_are_told_once_in_the_order_of_the_files(tmp_path):
+def test_changes_are_reported_once_in_the_order_of_the_files(tmp_path):
     files = [write(tmp_path / name, "old") for name in "cab"]
     watcher = FileWatcher(files)
 

@@ -54,7 +54,7 @@ def test_a_plain_urdf_is_returned_as_it_is(tmp_path):
     assert text == '<robot  name="r"/> <!-- é -->'
 
 
-def test_the_files_that_are_read_are_told(tmp_path):
+def test_the_files_that_are_read_are_reported(tmp_path):
     part, entry = tmp_path / "part.xacro", tmp_path / "robot.xacro"
     part.write_text(robot('<xacro:property name="r" value="2"/>'), encoding="utf-8")
     include = '<xacro:include filename="{}.xacro"/>'
@@ -121,7 +121,9 @@ def test_an_argument_doesnt_leak_after_an_error(expand):
         ('<xacro:include filename="of_$(arg side)/a/arm.xacro"/>', "up"),
     ],
 )
-def test_values_that_files_know_of_an_argument_are_told(expand, tmp_path, body, known):
+def test_values_that_files_know_of_an_argument_are_reported(
+    expand, tmp_path, body, known
+):
     (tmp_path / "package.xml").write_text("<name>arm</name>", encoding="utf-8")
     for name in ("of_left.yaml", "of_right.yaml", "of_none.txt", "right.yaml"):
         (tmp_path / name).write_text("{}", encoding="utf-8")
@@ -137,7 +139,7 @@ def test_values_that_files_know_of_an_argument_are_told(expand, tmp_path, body, 
     )
 
 
-def test_a_missing_yaml_file_is_told_with_those_that_are_there(expand, tmp_path):
+def test_a_missing_yaml_file_is_reported_with_those_that_are_there(expand, tmp_path):
     (tmp_path / "mk3.yaml").write_text("{}", encoding="utf-8")
 
     with pytest.raises(DescriptionError) as caught:

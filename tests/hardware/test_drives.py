@@ -295,7 +295,7 @@ def test_gains_that_are_no_numbers_are_refused(
         ("p: 0.0", "p, i and d are 0: no error moves the joint"),
     ],
 )
-def test_gains_that_are_hardly_meant_are_told(
+def test_gains_that_are_hardly_meant_are_reported(
     tmp_path: Path, gains: str, problem: str
 ) -> None:
     sim = simulate(tmp_path, EFFORT_PENDULUM, effort_arm(gains))
@@ -317,7 +317,7 @@ def effort_arm(gains: str) -> str:
     )
 
 
-def test_gains_that_no_step_can_bear_are_told(tmp_path: Path) -> None:
+def test_gains_that_no_step_can_bear_are_reported(tmp_path: Path) -> None:
     gains = params(pos_kp=100.0, pos_ki=0.0, pos_kd=600.0)
     urdf = models.pendulum(control=control("position", params=gains))
 

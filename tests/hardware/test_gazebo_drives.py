@@ -207,7 +207,7 @@ def test_a_bridge_gives_its_topics_names_in_ros(
 
 
 @pytest.mark.slow
-def test_a_missing_wheel_is_told_and_the_others_turn(tmp_path: Path) -> None:
+def test_a_missing_wheel_is_reported_and_the_others_turn(tmp_path: Path) -> None:
     block = diff_drive(("left_joint", "lef"))
 
     robot = load(tmp_path, cart(block))
@@ -259,7 +259,7 @@ def test_a_missing_wheel_is_told_and_the_others_turn(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_plugin_that_can_t_drive_is_told_and_the_rest_runs(
+def test_a_plugin_that_can_t_drive_is_reported_and_the_rest_runs(
     tmp_path: Path, block: str, problem: str
 ) -> None:
     other = plugin("gz-sim-joint-controller-system", ("joint_name", "left"))
@@ -385,7 +385,7 @@ def test_torques_of_wheels_are_told(tmp_path: Path) -> None:
     ) in lines(classic)
 
 
-def test_unused_measures_and_unknown_tags_are_told(tmp_path: Path) -> None:
+def test_unused_measures_and_unknown_tags_are_reported(tmp_path: Path) -> None:
     block = classic_drive(("wheel_separation", 0.5), ("command_topic", "go"))
 
     reported = "\n".join(lines(load(tmp_path, cart(block))))

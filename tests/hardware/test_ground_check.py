@@ -88,19 +88,25 @@ def test_a_world_without_a_ground_is_an_error(tmp_path: Path) -> None:
     assert lines_of(robot, world=lambda plant: None) == [line]
 
 
-def test_any_ground_is_one(tmp_path: Path) -> None:
-    def add_table(plant: MultibodyPlant) -> None:
+@pytest.mark.parametrize(
+    ("name", "z", "sizes", "height"),
+    [("table", 0.5, (2.0, 2.0, 0.1), 0.55), ("ground", -1.5, (10.0, 10.0, 1.0), -1.0)],
+)
+def test_a_ground_may_be_anything_at_any_height(
+    tmp_path: Path, name: str, z: float, sizes: tuple[float, ...], height: float
+) -> None:
+    def add_box(plant: MultibodyPlant) -> None:
         plant.RegisterCollisionGeometry(
             plant.world_body(),
-            RigidTransform([0.0, 0.0, 0.5]),
-            Box(2.0, 2.0, 0.1),
-            "table",
+            RigidTransform([0.0, 0.0, z]),
+            Box(*sizes),
+            name,
             CoulombFriction(1.0, 1.0),
         )
 
-    robot = load(tmp_path, cart(CONTROL), pose=(0, 0, 0.55, 0, 0, 0))
+    robot = load(tmp_path, cart(CONTROL), pose=(0, 0, height, 0, 0, 0))
 
-    assert lines_of(robot, world=add_table) == []
+    assert lines_of(robot, world=add_box) == []
 
 
 def test_a_half_space_is_a_ground(tmp_path: Path) -> None:
@@ -118,21 +124,6 @@ def test_a_half_space_is_a_ground(tmp_path: Path) -> None:
 
     assert lines_of(robot, world=add_half_space) == []
     assert len(lines_of(high, world=add_half_space)) == 1
-
-
-def test_a_ground_at_another_height_is_one(tmp_path: Path) -> None:
-    def add_low_ground(plant: MultibodyPlant) -> None:
-        plant.RegisterCollisionGeometry(
-            plant.world_body(),
-            RigidTransform([0.0, 0.0, -1.5]),
-            Box(10.0, 10.0, 1.0),
-            "ground",
-            CoulombFriction(1.0, 1.0),
-        )
-
-    robot = load(tmp_path, cart(CONTROL), pose=(0, 0, -1, 0, 0, 0))
-
-    assert lines_of(robot, world=add_low_ground) == []
 
 
 def test_an_arm_needs_no_ground(tmp_path: Path) -> None:

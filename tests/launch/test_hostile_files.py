@@ -44,7 +44,7 @@ def message(path: Path) -> str:
         (WHOLE + "return 'x' * 10**11\n", "needs more than 2048 MB of memory", None),
     ],
 )
-def test_what_is_wrong_with_a_file_is_told_with_its_place(
+def test_what_is_wrong_with_a_file_is_reported_with_its_place(
     package: Path, text: str, expected: str, line: int | None
 ) -> None:
     path = write_launch(package, text)
@@ -80,7 +80,9 @@ def test_what_is_wrong_with_a_file_is_told_with_its_place(
         ("<launch><include file='$(filename)'/></launch>", "contain each other"),
     ],
 )
-def test_what_is_wrong_in_xml_is_told(package: Path, text: str, expected: str) -> None:
+def test_what_is_wrong_in_xml_is_reported(
+    package: Path, text: str, expected: str
+) -> None:
     told = message(write_launch(package, text, "test.launch.xml"))
 
     assert expected in told
@@ -98,7 +100,9 @@ def test_what_is_wrong_in_xml_is_told(package: Path, text: str, expected: str) -
         ("launch:\n- log: {message: $(var x)}", ":2: launch configuration 'x' does no"),
     ],
 )
-def test_what_is_wrong_in_yaml_is_told(package: Path, text: str, expected: str) -> None:
+def test_what_is_wrong_in_yaml_is_reported(
+    package: Path, text: str, expected: str
+) -> None:
     told = message(write_launch(package, text, "test.launch.yaml"))
 
     assert expected in told
@@ -233,7 +237,7 @@ def test_the_environment_of_this_process_stays(package: Path) -> None:
     assert "ARM_DRAKE_TEST_VARIABLE" not in os.environ
 
 
-def test_a_folder_that_is_not_there_is_told(package: Path) -> None:
+def test_a_folder_that_is_not_there_is_reported(package: Path) -> None:
     path = describe(package, "publisher(),")
 
     with pytest.raises(InputError, match="no such folder; expected one to search"):

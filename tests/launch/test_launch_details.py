@@ -52,7 +52,7 @@ def test_arguments_are_shown_of_what_can_be_read(
     assert (last["name"], last["default"]) == ("last", "right")
 
 
-def test_what_names_no_launch_file_is_told(package: Path) -> None:
+def test_what_names_no_launch_file_is_reported(package: Path) -> None:
     path = describe(package, "publisher(),")
 
     with pytest.raises(InputError, match=r"is a folder; .*, too: test.launch.py"):
@@ -98,7 +98,7 @@ def test_a_document_of_xacro_may_be_changed(package: Path, is_changed: bool) -> 
     assert ("pole" in robot.description.links) == is_changed
 
 
-def test_a_description_that_xacro_refuses_is_told(package: Path) -> None:
+def test_a_description_that_xacro_refuses_is_reported(package: Path) -> None:
     (package / "urdf" / "wrong.xacro").write_text(
         "<robot name='a' xmlns:xacro='http://www.ros.org/wiki/xacro'>"
         "<link name='${b}'/></robot>"
@@ -303,7 +303,7 @@ def test_odd_things_end_as_a_plan(package: Path, entities: str) -> None:
     assert str(plan).startswith("launch file: ")
 
 
-def test_a_package_without_a_name_is_told(package: Path) -> None:
+def test_a_package_without_a_name_is_reported(package: Path) -> None:
     path = describe(package, "", "get_package_share_directory(None)")
 
     with pytest.raises(PackageError, match="None"):
@@ -373,7 +373,7 @@ def test_the_command_line_says_how_a_robot_is_loaded(
     assert "no link 'leg'; known: arm, world" in capsys.readouterr().err
 
 
-def test_a_module_that_its_package_lacks_is_told(package: Path) -> None:
+def test_a_module_that_its_package_lacks_is_reported(package: Path) -> None:
     path = describe(package, "", "from pendulum_bringup.msg import Angle")
 
     with pytest.raises(InputError, match=r"'pendulum_bringup.*', which isn't in its"):

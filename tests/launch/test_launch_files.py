@@ -68,7 +68,7 @@ def test_what_is_not_spawned_does_not_run(package: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_controller_without_parameters_is_told(package: Path) -> None:
+def test_a_controller_without_parameters_is_reported(package: Path) -> None:
     path = describe(package, "publisher(), manager(), spawner('arm_controler'),")
     plan = ad.load_launch(path)
 
@@ -188,7 +188,9 @@ def test_events_give_the_order(package: Path) -> None:
     assert "third" in str(plan.report)
 
 
-def test_what_waits_for_a_node_of_ones_own_is_started_and_told(package: Path) -> None:
+def test_what_waits_for_a_node_of_ones_own_is_started_and_reported(
+    package: Path,
+) -> None:
     path = describe(
         package,
         """
@@ -514,7 +516,7 @@ def test_a_model_is_put_into_the_world(package: Path) -> None:
     assert plant.EvalBodyPoseInWorld(context, ball).translation()[2] == pytest.approx(2)
 
 
-def test_a_package_that_is_not_there_is_told_with_who_asks(package: Path) -> None:
+def test_a_package_that_is_not_there_is_reported_with_who_asks(package: Path) -> None:
     path = describe(package, "LogInfo(msg=FindPackageShare('pendulum_brinup')),")
 
     with pytest.raises(PackageError, match="package 'pendulum_brinup' not found") as it:
@@ -577,7 +579,7 @@ def test_a_file_is_found_by_its_package(package: Path, monkeypatch) -> None:
         ad.load_launch(package / "none.launch.py")
 
 
-def test_a_file_without_a_robot_is_told_so(package: Path) -> None:
+def test_a_file_without_a_robot_is_reported_so(package: Path) -> None:
     path = describe(package, "Node(package='own', executable='node'),")
 
     with pytest.raises(InputError, match="it starts no robot; it starts own/node"):
@@ -774,7 +776,9 @@ def test_a_group_of_controllers_runs_whole_or_not_at_all(
     assert any("start as a group" in line for line in lines) == bool(word)
 
 
-def test_a_node_that_is_not_run_is_told_with_what_it_would_do(package: Path) -> None:
+def test_a_node_that_is_not_run_is_reported_with_what_it_would_do(
+    package: Path,
+) -> None:
     (package / "setup.py").write_text(
         "setup(entry_points={'console_scripts': ["
         "'sphere = pendulum_bringup.random_sphere:main']})"

@@ -262,7 +262,7 @@ def test_in_humble_one_that_fails_stays_active():
     assert news == (ControllerFailure("arm", (), reason="why"),)
 
 
-def test_of_a_chain_that_fails_each_is_told_and_ends_once():
+def test_of_a_chain_that_fails_each_is_reported_and_ends_once():
     lifecycle = make_lifecycle(distro="rolling")
 
     remaining, _, news = lifecycle.replace(

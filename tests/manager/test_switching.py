@@ -236,7 +236,7 @@ def test_who_restarts_keeps_its_claims():
     )
 
 
-def test_a_claim_is_told_once_for_each_two_controllers():
+def test_a_claim_is_reported_once_for_each_two_controllers():
     twin = ControllerInfo("twin", TEST.command_interfaces)
 
     result = plan("twin", active="test", controllers={"twin": twin, "test": TEST})

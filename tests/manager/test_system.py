@@ -446,7 +446,7 @@ def test_a_slow_controller_is_limited_by_its_own_commands(tmp_path):
     assert values(sim)["j1/position"] == pytest.approx(10 * 10.0 * PERIOD)
 
 
-def test_commands_beyond_limits_are_told_once_a_joint(tmp_path):
+def test_commands_beyond_limits_are_reported_once_a_joint(tmp_path):
     sim = simulate(load(tmp_path, groups("position"), distro="rolling"))
 
     command(sim, "position", 5.0, 0.0)
@@ -469,7 +469,7 @@ def test_an_interface_of_its_own_can_be_commanded_by_another_controller(tmp_path
 
 
 @pytest.mark.slow
-def test_managers_that_no_common_step_fits_are_told(tmp_path):
+def test_managers_that_no_common_step_fits_are_reported(tmp_path):
     robots = []
     for name, rate in (("one", 500), ("two", 333)):
         (tmp_path / name).mkdir()

@@ -73,7 +73,9 @@ def test_a_message_wakes_an_inactive_controller_once(tmp_path):
     assert rejected.message.data == (0.1,)
 
 
-def test_a_goal_that_ends_with_its_controller_is_told_while_that_is_inactive(tmp_path):
+def test_a_goal_that_ends_with_its_controller_is_reported_while_that_is_inactive(
+    tmp_path,
+):
     sim = simulate(tmp_path)
     goal = sim.controller("arm").send_goal(GOAL)
     sim.run(5.5 * PERIOD)

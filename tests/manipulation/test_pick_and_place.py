@@ -401,7 +401,7 @@ def test_the_page_shows_what_works() -> None:
     assert X.translation() == pytest.approx([0.15, -0.15, 0.02], abs=5e-3)
 
 
-def test_a_step_that_can_not_be_done_is_told_with_its_place() -> None:
+def test_a_step_that_can_not_be_done_is_reported_with_its_place() -> None:
     simulation = simulate(at(BOX, 1.2, 0.0))
     motion = parse_motion(
         [{"at": 0.0, "pick": "box"}, {"at": 0.0, "place": [0.0, 0.2, 0.0]}]
@@ -441,7 +441,7 @@ def test_a_goal_in_the_ground_is_said_to_be_there() -> None:
     X_WP = RigidTransform(R, [0.2, 0.05, 0.05])
 
     with pytest.raises(Failure, match=r"would be in collision there: .* 'ground' over"):
-        hand_.find_way(hand_.solve(X_WP), hand_.ways_out(X_WP), "box")
+        hand_.find_way(hand_.solve(X_WP), hand_.retreat_poses(X_WP), "box")
 
 
 def test_what_is_out_of_reach_is_said() -> None:

@@ -186,7 +186,7 @@ def test_in_a_notebook_a_camera_is_its_picture(simulation: ad.Simulation) -> Non
     "pose",
     ["abc", 3.0, None, (1, 2, 3), (0, 0, 0, 0, 0, math.nan), [[1] * 6], "123456"],
 )
-def test_a_pose_that_is_none_is_told_in_one_message(pose: Any) -> None:
+def test_a_pose_that_is_none_is_reported_in_one_message(pose: Any) -> None:
     with pytest.raises(InputError) as error:
         ad.add_camera(load(), "eye", pose, name="other")
 
@@ -378,7 +378,7 @@ def test_noise_is_that_of_its_seed() -> None:
         ({"pixels": "RGB9"}, "unknown pixel format 'RGB9'; known: R8G8B8"),
     ],
 )
-def test_what_is_no_camera_is_told(numbers: dict[str, str], told: str) -> None:
+def test_what_is_no_camera_is_reported(numbers: dict[str, str], told: str) -> None:
     robot = load(**numbers)
 
     assert not robot.description.perception_sensors
@@ -421,7 +421,7 @@ def test_what_is_no_camera_is_told(numbers: dict[str, str], told: str) -> None:
         ),
     ],
 )
-def test_what_add_camera_cannot_use_is_told_in_one_message(
+def test_what_add_camera_cannot_use_is_reported_in_one_message(
     argument: str, value: Any, told: str
 ) -> None:
     arguments = {"robot": load(), "link": "eye", "name": "c", argument: value}

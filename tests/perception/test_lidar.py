@@ -395,7 +395,7 @@ def test_without_embree_small_scans_are_the_same(
         look(robot).ranges()
 
 
-def test_wrong_names_are_told() -> None:
+def test_wrong_names_are_reported() -> None:
     alone = ad.Simulation(ad.build_diagram(load()))
     both = ad.Simulation(ad.build_diagram(ad.add_camera(load(), "eye", name="cam")))
     lidar = "'front' is a lidar, no camera; "

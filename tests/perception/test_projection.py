@@ -203,7 +203,7 @@ def test_what_a_lens_folds_is_not_shown() -> None:
         ("<lens><type>stereographic</type></lens>", "lens type 'stereographic'"),
     ],
 )  # fmt: skip
-def test_lenses_that_are_not_done_are_told(lens: str, told: str) -> None:
+def test_lenses_that_are_not_done_are_reported(lens: str, told: str) -> None:
     report = load("", lens).report
 
     assert [entry for entry in report if entry.what.startswith(told)]

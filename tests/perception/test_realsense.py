@@ -172,7 +172,7 @@ def test_its_pictures_have_frames_and_encodings_of_their_own(
         ),
     ],
 )
-def test_what_is_wrong_is_told(tags: str, ends: tuple[str, ...], told: str) -> None:
+def test_what_is_wrong_is_reported(tags: str, ends: tuple[str, ...], told: str) -> None:
     report = load(tags, ends).report
 
     assert [entry for entry in report if entry.what.startswith(told)]

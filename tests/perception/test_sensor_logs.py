@@ -160,7 +160,7 @@ def test_pictures_in_a_bag_are_files_where_asked(
     assert read == simulation.rollout().sensor_messages
 
 
-def test_formats_that_are_none_are_told() -> None:
+def test_formats_that_are_none_are_reported() -> None:
     with pytest.raises(InputError) as error:
         ad.SimulationOptions(log_image_format="jpg")
 

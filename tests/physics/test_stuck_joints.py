@@ -157,7 +157,7 @@ def test_friction_that_gives_way_under_efforts_is_told(
     assert (abs(rollout.position[-1, 0]) > 0.05) == is_soft
 
 
-def test_where_drives_make_up_for_it_nothing_is_told(tmp_path) -> None:
+def test_where_drives_make_up_for_it_nothing_is_reported(tmp_path) -> None:
     simulation, rollout = simulate(
         tmp_path, (0.5, 1.0), friction=10.0, effort=ENOUGH, time_step=0.01
     )

@@ -352,7 +352,7 @@ def test_a_robot_without_shapes_is_planned_for_with_a_warning() -> None:
 
 
 @pytest.mark.slow
-def test_what_touches_at_the_start_is_told_whatever_was_planned_before() -> None:
+def test_what_touches_at_the_start_is_reported_whatever_was_planned_before() -> None:
     inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
     box = '<geometry><box size="0.2 0.2 0.2"/></geometry>'
     links = "".join(
@@ -684,7 +684,7 @@ def test_parts_that_are_all_far_away_leave_plans_as_they_are(
     assert plans[0].clearance == pytest.approx(plans[1].clearance, abs=1e-9)
 
 
-def test_very_many_shapes_are_told_of(
+def test_very_many_shapes_are_reported_of(
     doosan: ad.Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("arm_drake.planning.motion_planning._MANY", 1)

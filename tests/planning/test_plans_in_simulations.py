@@ -284,7 +284,7 @@ def test_steps_of_a_motion_are_planned_one_after_the_other(
 
 
 @pytest.mark.slow
-def test_a_robot_that_never_rests_is_told_of(simulation: ad.Simulation) -> None:
+def test_a_robot_that_never_rests_is_reported_of(simulation: ad.Simulation) -> None:
     put_crate(simulation, [-2.0, 0.0, 0.4])
     steps = [
         {"plan_to": {"positions": {"joint1": 1.0}}},

@@ -312,7 +312,7 @@ def test_commands_are_held_to_limits_anew_after_a_switch(tmp_path):
         ("position", "false", False),
     ],
 )
-def test_commands_that_move_nothing_are_told(tmp_path, kind, dynamics, reported):
+def test_commands_that_move_nothing_are_reported(tmp_path, kind, dynamics, reported):
     text = models.pendulum(control=models.ros2_control("swing", command=kind))
     parameter = f'<param name="calculate_dynamics">{dynamics}</param></hardware>'
     robot = load(

@@ -5,27 +5,27 @@ import pytest
 from pydrake.geometry import Cylinder, Ellipsoid, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from arm_drake.plant.initial_poses import PlacedShape, lowest_height, rest_on_ground
+from arm_drake.plant.initial_poses import RestingShape, lowest_height, rest_on_ground
 
 NO_CORNERS = np.empty((0, 3))
 
 
-def ball(x: float, y: float, z: float, radius: float) -> PlacedShape:
-    return PlacedShape(Sphere(radius), RigidTransform([x, y, z]), NO_CORNERS)
+def ball(x: float, y: float, z: float, radius: float) -> RestingShape:
+    return RestingShape(Sphere(radius), RigidTransform([x, y, z]), NO_CORNERS)
 
 
-def wheel(x: float, y: float, z: float, radius: float) -> PlacedShape:
+def wheel(x: float, y: float, z: float, radius: float) -> RestingShape:
     turned = RotationMatrix.MakeXRotation(np.pi / 2.0)
     pose = RigidTransform(turned, [x, y, z])
-    return PlacedShape(Cylinder(radius, 0.02), pose, NO_CORNERS)
+    return RestingShape(Cylinder(radius, 0.02), pose, NO_CORNERS)
 
 
-def legs(*feet: tuple[float, float, float]) -> PlacedShape:
+def legs(*feet: tuple[float, float, float]) -> RestingShape:
     # What a mesh or a box is: the corners of its hull.
-    return PlacedShape(Sphere(1.0), RigidTransform(), np.array(feet))
+    return RestingShape(Sphere(1.0), RigidTransform(), np.array(feet))
 
 
-def heights(shapes: list[PlacedShape], X_WB: RigidTransform) -> list[float]:
+def heights(shapes: list[RestingShape], X_WB: RigidTransform) -> list[float]:
     return [lowest_height(s._replace(X_BG=X_WB @ s.X_BG)) for s in shapes]
 
 
@@ -78,7 +78,7 @@ def test_of_four_legs_those_carry_that_are_below_the_centre_of_mass(
 def test_the_lowest_point_of_an_ellipsoid_is_where_its_normal_points_down() -> None:
     # Turned by 45 degrees about y: its height is that of its shadow on a wall.
     turned = RotationMatrix.MakeYRotation(np.pi / 4.0)
-    shape = PlacedShape(Ellipsoid(0.3, 0.1, 0.2), RigidTransform(turned), NO_CORNERS)
+    shape = RestingShape(Ellipsoid(0.3, 0.1, 0.2), RigidTransform(turned), NO_CORNERS)
 
     assert lowest_height(shape) == pytest.approx(-np.sqrt((0.3**2 + 0.2**2) / 2.0))
 

@@ -122,7 +122,7 @@ def test_without_a_common_time_nothing_is_equal() -> None:
     assert not found.is_equal
 
 
-def test_other_joints_are_told() -> None:
+def test_other_joints_are_reported() -> None:
     other = make_rollout(joint_names=("shoulder", "lift"), references={})
 
     found = compare(make_rollout(), other)
@@ -167,7 +167,7 @@ MESSAGE = SentMessage(0.1, "/arm/commands", "Float64MultiArray", {"data": [1.0]}
         ({"time": 0.2}, "sent at 0.1 s in A, at 0.2 s in B"),
     ],
 )
-def test_other_messages_are_told(changes, difference) -> None:
+def test_other_messages_are_reported(changes, difference) -> None:
     a = make_rollout(messages=(MESSAGE,), info=INFO)
     b = make_rollout(messages=(dc.replace(MESSAGE, **changes),), info=INFO)
 
@@ -177,7 +177,7 @@ def test_other_messages_are_told(changes, difference) -> None:
     )
 
 
-def test_other_limits_and_types_of_controllers_are_told() -> None:
+def test_other_limits_and_types_of_controllers_are_reported() -> None:
     active = np.ones((4, 1))
     a = make_rollout(info=INFO, controllers={"arm": "old/Type"}, active=active)
     b = make_rollout(
@@ -259,7 +259,7 @@ def test_rows_a_nanosecond_apart_are_two() -> None:
     assert compare(first, make_rollout(time=first.time + 1e-10)).is_equal is True
 
 
-def test_other_inputs_are_told_and_make_no_difference() -> None:
+def test_other_inputs_are_reported_and_make_no_difference() -> None:
     other = {
         "versions": {"drake": "2"},
         "robot": {"files": [{"file": "a", "sha256": "y"}]},

@@ -217,7 +217,7 @@ def test_a_contact_sensor_on_a_wheel_feels_its_rollers(tmp_path: Path) -> None:
     assert {state.collision1_name for state in states} == {"base::fl::fl_collision"}
 
 
-def test_what_the_description_has_is_what_is_told(tmp_path: Path) -> None:
+def test_what_the_description_has_is_what_is_reported(tmp_path: Path) -> None:
     base = Base(tmp_path, mecanum())
 
     names = base.sim.joint_states().name

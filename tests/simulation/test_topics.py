@@ -503,7 +503,7 @@ def test_all_who_read_a_topic_hear_all_of_its_messages(tmp_path):
         assert [h.message.data for h in heard(sim, name)] == [1.0, 2.0, 3.0]
 
 
-def test_a_refused_message_is_told_with_its_place(tmp_path):
+def test_a_refused_message_is_reported_with_its_place(tmp_path):
     sim = simulate(tmp_path, listeners(ear="topics: [/a], message: Float32"))
 
     sim.topic("/a").publish(-1.0, where="here")
@@ -705,7 +705,7 @@ def test_a_bridge_in_both_directions_takes_no_more_than_gazebos_topic(tmp_path):
     )
 
 
-def test_a_bridge_to_a_topic_that_isnt_there_is_told_when_it_is_used(tmp_path):
+def test_a_bridge_to_a_topic_that_isnt_there_is_reported_when_it_is_used(tmp_path):
     text = entry("/a", "/model/other/cmd_vel", "ROS_TO_GZ")
     sim = bridged(tmp_path, text, topics="[/model/mine/cmd_vel]")
 

@@ -56,7 +56,7 @@ from arm_drake.controllers.joint_trajectory.goals import (
     make_hold_point,
     monitor,
     receive,
-    tell_feedback,
+    send_feedback,
 )
 from arm_drake.controllers.joint_trajectory.parameters import (
     Inbox,
@@ -344,6 +344,7 @@ class _Course:
         "ahead",
         "ahead_ns",
         "is_finished",
+        "no_events",
         "path",
         "pids",
         "present",
@@ -352,7 +353,6 @@ class _Course:
         "sense",
         "trajectory",
         "until_ns",
-        "untold",
     )
 
     def __init__(
@@ -383,8 +383,8 @@ class _Course:
         # The positions there.
         self.present = Positions(trajectory, state.cursor)
         self.ahead = Positions(trajectory, state.cursor)
-        # The same ticks of a state without news.
-        self.untold: SteadyTrajectory | None = None
+        # The same ticks of a state without events.
+        self.no_events: SteadyTrajectory | None = None
 
 
 class SteadyTrajectory:
@@ -441,18 +441,18 @@ class SteadyTrajectory:
         is_over = state.goal is None or state.goal.outcome is not None
         return is_over and (plan.is_holding or not is_judged)
 
-    def tell(
+    def report(
         self, time_ns: int, last_ns: int, motions: Array
     ) -> "tuple[JointTrajectoryControllerSystemState, SteadyTrajectory] | None":
         """Return the state with the feedback that is due; None if a result is."""
         last, goal, course = self._last, self._last.goal, self._course
         if goal is None or goal.outcome is not None:
             return None
-        if course.untold is None:  # News that held the state would hold all before it.
+        if course.no_events is None:  # Events with the state would keep all before it.
             plan = last.plan._replace(events=())
-            course.untold = self._after(last._replace(plan=plan, goal=None))
-        look = functools.partial(course.untold._control_at, last_ns, motions)
-        new = self._after(tell_feedback(course.rules, last, time_ns, last_ns, look))
+            course.no_events = self._after(last._replace(plan=plan, goal=None))
+        look = functools.partial(course.no_events._control_at, last_ns, motions)
+        new = self._after(send_feedback(course.rules, last, time_ns, last_ns, look))
         return new._system, new
 
     def _after(self, state: JointTrajectoryState) -> "SteadyTrajectory":

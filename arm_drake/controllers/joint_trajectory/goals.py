@@ -328,7 +328,7 @@ _PLAN, _GOAL = (JointTrajectoryState._fields.index(name) for name in ("plan", "g
 _EVENTS = Plan._fields.index("events")
 
 
-def tell_feedback(
+def send_feedback(
     rules: JointTrajectoryRules,
     state: JointTrajectoryState,
     now_ns: int,

@@ -462,6 +462,16 @@ def convert_surface(
     return paths[0] if paths else None
 
 
+def describe_loss(*, is_visual: bool) -> tuple[Severity, str]:
+    """Return how grave it is to lose a shape, and what follows.
+
+    Things go through what doesn't collide.
+    """
+    if is_visual:
+        return "warning", "it isn't drawn"
+    return "error", "nothing collides with it"
+
+
 @dc.dataclass(frozen=True)
 class _Conversion:
     """One mesh on its way to Drake; the fields are those of `convert_visual`."""
@@ -615,9 +625,7 @@ class _Conversion:
         self.report.add(severity, kind, what, done, where=where, file=file)
 
     def _lose(self, kind: Kind, problem: str) -> _Paths:
-        is_visual = self.mode == "visual"
-        severity: Severity = "warning" if is_visual else "error"
-        done = "it isn't drawn" if is_visual else "nothing collides with it"
+        severity, done = describe_loss(is_visual=self.mode == "visual")
         self._add(severity, kind, f"{self._mesh} {problem}", done)
         return ()
 

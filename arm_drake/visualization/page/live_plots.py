@@ -175,7 +175,7 @@ class LivePlots(Part):
         for row in self._rows:
             row.append(None)
         self._due = -math.inf
-        self._tell()
+        self._refresh()
         self.advance()
 
     def remove(self, name: str) -> None:
@@ -190,13 +190,13 @@ class LivePlots(Part):
         del self._curves[name]
         for row in self._rows:
             del row[at]
-        self._tell()
+        self._refresh()
 
     def clear(self) -> None:
         """Forget what was plotted so far; the curves go on."""
         self._rows.clear()
         self._due = -math.inf
-        self._tell()
+        self._refresh()
 
     def close(self) -> None:
         """Plot nothing any more."""
@@ -256,7 +256,7 @@ class LivePlots(Part):
                     self._curves[name] = (self._reader(topic), path)
             if self.curves == other.curves:
                 self._rows = other._rows
-            self._tell()
+            self._refresh()
 
     def section(self) -> Section:
         """Return its part of the panel."""
@@ -307,7 +307,7 @@ class LivePlots(Part):
         for read, path in self._curves.values():
             yield find_number(read(), path)
 
-    def _tell(self) -> None:
+    def _refresh(self) -> None:
         """Tell the page of other curves, with all rows."""
         self._num_new = 0
         self._live.page.set_plot(self.curves, self.rows)

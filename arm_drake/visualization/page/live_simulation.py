@@ -211,11 +211,11 @@ class LiveSimulation:
         self.planning = MotionPlanning(page, SimulatedRobots(self))
         self.parts: list[Part] = make_parts(self, PARTS)
         self._start()
-        self._tell_depth()
+        self._report_depth()
         self.ros = self._serve(ros)
         page.set_panel(self._title(), make_sections(self))
 
-    def _tell_depth(self) -> None:
+    def _report_depth(self) -> None:
         """Say what puts a robot on the ground that stands in it."""
         depth = self.views.depth
         if depth > 0.0:
@@ -597,7 +597,7 @@ class LiveSimulation:
     def _tell(self, progress: Progress | None) -> None:
         self.page.patch(make_changes(self))
         if self._shown_time is None:
-            self.views.tell()
+            self.views.refresh()
         if progress is not None:
             progress(self.simulation.time)
 

@@ -216,7 +216,7 @@ class LiveViews:
             prefix = f"{name}/" if len(self._robots) > 1 else ""
             arrows.show(self._simulation.eval_output(f"{prefix}contacts"))
 
-    def tell(self) -> None:
+    def refresh(self) -> None:
         """Tell where the link of the readout is now, and what touches it."""
         poses = {name: self._simulation.link_poses(name) for name in self._robots}
         contacts: list[ContactState] = []

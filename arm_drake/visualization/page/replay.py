@@ -201,7 +201,7 @@ class ReplayPage:
             if self.time != drawn_at:
                 self.replay.show(self.time)
                 drawn_at = self.time
-            self._tell()
+            self._refresh()
         self._is_stopped = False
 
     def stop(self) -> None:
@@ -257,6 +257,6 @@ class ReplayPage:
             sections.append(Section("Goals", (Text("goals", "goals", goals, True),)))
         return sections
 
-    def _tell(self) -> None:
+    def _refresh(self) -> None:
         label = "pause" if self.is_playing else "play"
         self.page.patch({"play": {"label": label}, "time": {"value": self.time}})

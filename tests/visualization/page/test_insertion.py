@@ -116,7 +116,7 @@ def test_the_readout_tells_of_a_thing_that_is_clicked(
     live.run(0.1)
 
     live.handle([Event("readout:pick", "drake/visual/cube/cube/cube")])
-    live.views.tell()
+    live.views.refresh()
 
     readout = live.views.readout
     assert readout.frame == "cube"

@@ -169,7 +169,7 @@ def test_contacts_carry_the_weight_of_a_simulated_link(
     sim.run(3.0)
     views.readout.set_frame("ball")
 
-    views.tell()
+    views.refresh()
 
     (contact,) = panel.told("link")["contacts"]
     assert contact["force"] == pytest.approx(MASS * GRAVITY, rel=0.01)

@@ -557,7 +557,7 @@ def test_pages_one_after_the_other_leave_nothing() -> None:
     assert resident_memory() - before < 4 * MIB
 
 
-def test_a_meshcat_that_has_ended_is_told_in_one_sentence() -> None:
+def test_a_meshcat_that_has_ended_is_reported_in_one_sentence() -> None:
     def use() -> None:
         with Page() as page:
             end_meshcat(page)

@@ -102,7 +102,9 @@ def test_a_joint_that_follows_or_is_gone_is_left_out(
     assert calls == []
 
 
-def test_what_cannot_be_done_is_told_and_the_rest_is_done(viewer: RobotViewer) -> None:
+def test_what_cannot_be_done_is_reported_and_the_rest_is_done(
+    viewer: RobotViewer,
+) -> None:
     events = [
         Event("fixed_frame", "nowhere"),
         Event("pose:up"),

@@ -50,7 +50,7 @@ def test_there_is_an_example_of_every_widget() -> None:
 
 
 @pytest.mark.parametrize("widget", EXAMPLES, ids=lambda widget: type(widget).__name__)
-def test_a_widget_is_told_with_its_kind_and_fields(widget: Widget) -> None:
+def test_a_widget_is_reported_with_its_kind_and_fields(widget: Widget) -> None:
     said = json.loads(json.dumps(Section("title", (widget,), is_open=False).to_json()))
 
     assert (said["title"], said["is_open"]) == ("title", False)
