@@ -1,5 +1,6 @@
 """The lab's arm of three cylinders: what its node `control` does, in physics."""
 
+import functools
 import math
 from xml.etree import ElementTree
 
@@ -36,8 +37,12 @@ GOLDEN = [
 ]
 
 
+@functools.cache
 def follow(goal: tuple[float, ...], **options) -> tuple[ad.Simulation, ad.Rollout]:
-    """Run the node `control` with a goal, until it has long been reached."""
+    """Run the node `control` with a goal, until it has long been reached.
+
+    What several tests look at is run once.
+    """
     motion = load_motion(
         bundled_motions("lab5_arm")["control"], {"joint_angles": list(goal)}
     )
