@@ -105,6 +105,14 @@ def real_robots_that_are_expanded_once() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="module", autouse=True)
+def files_that_look_for_no_garbage_of_others() -> None:
+    # Some keep a million objects, as the data of upstream that they replay, among which
+    # each `gc.collect()` of the files after them would take a second or more.
+    gc.collect()
+    gc.freeze()
+
+
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     # To read their cases takes longer than many tests.
     wanted = config.option.markexpr

@@ -114,6 +114,9 @@ def test_a_command_runs(
         # in those a notebook picks, as is known and by camera.
         limit = ["--duration", str(DURATION)]
         words += ["--time-step", str(STEP)] if is_planned(words) else limit
+    if words[0] == "analyze":
+        # As each step in a tick is differentiated.
+        words += ["--time-step", str(STEP)]
     if words[0] == "view" or (words[0] == "launch" and "--headless" not in words):
         # Without a browser: what it shows can be loaded, and the pose is one.
         words = [*words, "--json"]

@@ -8,7 +8,7 @@ A file that isn't there is skipped, alone; scenarios of our own are always repla
 
 import math
 from collections import defaultdict
-from functools import cache
+from functools import cache, lru_cache
 from itertools import zip_longest
 from typing import Any
 
@@ -125,7 +125,13 @@ def make_player(distro: str, name: str) -> Player:
     return kind(distro, inputs, output)
 
 
-@cache
+# All tests of one, then all of the next: a thousand replays are a million objects.
+for_each_replayed = pytest.mark.parametrize(
+    ("distro", "name"), REPLAYED, scope="module"
+)
+
+
+@lru_cache(maxsize=1)
 def replay(distro: str, name: str) -> Player:
     player = make_player(distro, name)
     player.play(num_cycles(name))
@@ -168,7 +174,7 @@ def column_of(report: JointTrajectoryControllerState, column: str) -> Any:
     return value.to_nanoseconds() if field.endswith("_ns") else value
 
 
-@pytest.mark.parametrize(("distro", "name"), REPLAYED)
+@for_each_replayed
 def test_commands_are_upstream_s(distro: str, name: str) -> None:
     output = OUTPUTS[distro, name]
 
@@ -188,7 +194,7 @@ def test_commands_are_upstream_s(distro: str, name: str) -> None:
     assert_rows("command", ours, expected)
 
 
-@pytest.mark.parametrize(("distro", "name"), REPLAYED)
+@for_each_replayed
 def test_controller_states_are_upstream_s(distro: str, name: str) -> None:
     columns = dict(OUTPUTS[distro, name].get("controller_state", {}))
     times = columns.pop("t_ns", OUTPUTS[distro, name]["t_ns"])
@@ -241,7 +247,7 @@ def assert_feedback(ours: GoalEvent, theirs: Dict, *, has_index: bool) -> None:
         assert_rows(field, [getattr(feedback, field).positions], [theirs[field]])
 
 
-@pytest.mark.parametrize(("distro", "name"), REPLAYED)
+@for_each_replayed
 def test_news_of_goals_are_upstream_s(distro: str, name: str) -> None:
     output, end = OUTPUTS[distro, name], num_cycles(name)
     end_ns = math.inf if end is None else output["t_ns"][end]
@@ -273,7 +279,7 @@ def test_news_of_goals_are_upstream_s(distro: str, name: str) -> None:
             assert event.result.error_string == row["result"]["error_string"]
 
 
-@pytest.mark.parametrize(("distro", "name"), REPLAYED)
+@for_each_replayed
 def test_answers_are_upstream_s(distro: str, name: str) -> None:
     responses = OUTPUTS[distro, name]["responses"]
     end = num_cycles(name)

@@ -34,7 +34,7 @@ SETTLED = 0.02
 
 # How long poses are held [s], and how many random goals are sent then, one a second, by
 # step: at small ones the first of the same goals, for they take ten times as long.
-FEW = 1.0, {1e-3: 4, 2e-3: 6, 5e-3: 15, 1e-2: 15}
+FEW = 1.0, {1e-3: 2, 2e-3: 6, 5e-3: 15, 1e-2: 15}
 MANY = 10.0, {1e-3: 20, 2e-3: 30, 5e-3: 60, 1e-2: 60}
 
 # Payloads [kg] of arms, and where they are from the last axis [m].

@@ -1,5 +1,6 @@
 """The myCobot tutorial: Gazebo's soft plugins, ros2_control, Classic's poses."""
 
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -188,11 +189,17 @@ def test_a_round_of_the_ping_pong_takes_5_2_seconds() -> None:
     np.testing.assert_allclose(sent, [*there, *there[::-1]], atol=1e-12)
 
 
+@functools.cache
+def ping_pong_once() -> ad.Simulation:
+    """Return what two tests look at: a round, and 0.1 s of the next one."""
+    sim = simulate(load(), gravity=False)
+    sim.run(5.3, motion("ping_pong"))
+    return sim
+
+
 @pytest.mark.slow
 def test_ping_pong_closes_and_opens_the_gripper_with_all_its_bars() -> None:
-    sim = simulate(load(), gravity=False)
-
-    sim.run(5.3, motion("ping_pong"))
+    sim = ping_pong_once()
 
     assert sim.rejected == []
     rollout = sim.rollout()
@@ -207,13 +214,11 @@ def test_ping_pong_closes_and_opens_the_gripper_with_all_its_bars() -> None:
 
 @pytest.mark.slow
 def test_the_elbow_s_dry_friction_is_more_than_the_soft_gains_overcome() -> None:
-    sim = simulate(load(), gravity=False)
+    rollout = ping_pong_once().rollout()
 
-    sim.run(5.2, motion("ping_pong"))
-
-    # Its PID asks for up to 0.264 N·m, and 0.1/s of that again for 5.2 s; 0.41 N·m of
+    # Its PID asks for up to 0.264 N·m, and 0.1/s of that again for 5.3 s; 0.41 N·m of
     # friction give a little, and don't slip.
-    elbow = columns(sim.rollout(), "link3_to_link4")
+    elbow = columns(rollout, "link3_to_link4")
     assert np.abs(elbow).max() < 0.02
 
 

@@ -28,9 +28,13 @@ from tests.snippets import read_blocks
 # So many ticks are simulated between two looks.
 CHUNK = 50
 
+# What is written are ticks: one step of the physics is enough in each [s].
+COARSE = ad.SimulationOptions(time_step=1e-2)
+
 
 def make_simulation() -> ad.Simulation:
-    return ad.Simulation(ad.build_diagram(ad.load_robot("doosan_a0912")))
+    robot = ad.load_robot("doosan_a0912")
+    return ad.Simulation(ad.build_diagram(robot, options=COARSE))
 
 
 def run_tutorial(sim: ad.Simulation) -> None:
