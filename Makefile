@@ -85,7 +85,7 @@ bench: setup
 	$(BIN)/python -m tests.benchmarks.many --rounds 3 --output out
 	$(BIN)/python -m tests.benchmarks.peers --output out --page
 	$(BIN)/python -m pytest -m long
-	$(BIN)/python -m pytest --both-ways tests/simulation tests/rollouts
+	$(BIN)/python -m pytest --both-ways tests/simulation
 	$(BIN)/python -m tests.benchmarks.ticks
 	$(BIN)/python -m tests.benchmarks.servo
 	$(BIN)/python -m tests.benchmarks.inverse_kinematics

@@ -398,7 +398,9 @@ def make_unchecked(kind: type[T], **fields: Any) -> T:
 def renew(message: M) -> M:
     """Return another object with the same fields, which aren't checked once more."""
     kind = message.__class__
-    if type(message) is kind and issubclass(kind, Message):
+    # Else it is no message, is made lazily, or its fields are elsewhere.
+    is_plain = issubclass(kind, Message) and not hasattr(kind, "__slots__")
+    if is_plain and type(message) is kind:
         return make_unchecked(kind, **message.__dict__)
     return dc.replace(message)  # type: ignore[type-var]
 

@@ -27,7 +27,7 @@ from arm_drake.messages import (
     SwitchController,
     Time,
 )
-from arm_drake.messages.base import make_lazy, renew
+from arm_drake.messages.base import Message, make_lazy, renew
 
 TIME = "expected seconds or {sec: int, nanosec: int}"
 
@@ -291,6 +291,22 @@ def test_a_message_that_is_renewed_is_an_ordinary_one_of_its_own():
         assert hash(new) == hash(plain)
     with pytest.raises(TypeError):
         renew({"name": ("a",)})
+
+
+@dc.dataclass(frozen=True, slots=True)
+class Slotted(Message):
+    """A message of a user's own."""
+
+    data: float = 0.0
+
+
+def test_a_message_with_slots_is_renewed_with_its_fields():
+    message = Slotted(3.0)
+
+    new = renew(message)
+
+    assert new == message
+    assert new is not message
 
 
 def test_a_time_converts_to_seconds_and_nanoseconds():
