@@ -20,9 +20,12 @@ class Screws:
     """The joints above a link: each turns about an axis, or slides along one."""
 
     def __init__(self, plant: MultibodyPlant, link: str, at: Sequence[int]) -> None:
-        """Read them from a plant; velocities of joints are where their positions are.
+        """Read them from a plant.
 
-        `at` is where the joints that carry the link are in q, the first one first.
+        Args:
+            plant: The plant; the joints' velocities are where their positions are.
+            link: The link.
+            at: Where the joints that carry it are in q, the first one first.
         """
         self.at = np.array(at, dtype=int)
         context = plant.CreateDefaultContext()

@@ -78,17 +78,17 @@ class LinkReadout:
     def set_frame(self, frame: str) -> None:
         """Be about another frame; raise InputError if there is none of that name."""
         self.frame = _find(frame, self._names)
-        self._refresh()
+        self._tell()
 
     def set_relative_to(self, frame: str) -> None:
         """Tell poses in another frame; raise InputError if there is none."""
         self.relative_to = _find(frame, (FIXED_FRAME, *self._names))
-        self._refresh()
+        self._tell()
 
     def set_degrees(self, in_degrees: bool) -> None:
         """Tell angles in degrees, or in radians."""
         self.in_degrees = in_degrees
-        self._refresh()
+        self._tell()
 
     def pick(self, path: str) -> None:
         """Be about the link that is drawn at a Meshcat path, if it is one's."""
@@ -128,7 +128,7 @@ class LinkReadout:
         """Take where links are in the world, by the names of frames."""
         self._poses, self._fixed_frame = poses, fixed_frame
         self._contacts = tuple(contacts)
-        self._refresh()
+        self._tell()
 
     def pose(self) -> RigidTransform:
         """Return the pose of the frame in the other one."""
@@ -152,7 +152,7 @@ class LinkReadout:
             ),
         )
 
-    def _refresh(self) -> None:
+    def _tell(self) -> None:
         if self._poses:
             values: dict[str, Any] = {
                 "frame": self.frame,
