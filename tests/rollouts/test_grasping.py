@@ -176,6 +176,10 @@ class Scene:
         self.grasp = grasp = GRASPS[name]
         start = {**grasp.start, grasp.joint: grasp.opened}
         robot = load_real_robot(name, pose=grasp.pose, initial_positions=start)
+        # A step is no longer than a period of the manager, of 1 ms some have.
+        rate = min(robot.controllers.update_rate, round(1.0 / time_step))
+        controllers = dc.replace(robot.controllers, update_rate=rate)
+        robot = dc.replace(robot, controllers=controllers)
         alone = ad.build_diagram(robot, world="void")
         frames = alone.GetOutputPort("frames").Eval(alone.CreateDefaultContext())
         at = robot.description.links.index(grasp.link)
