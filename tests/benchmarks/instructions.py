@@ -4,14 +4,16 @@ A busy machine doesn't disturb the count, so it stands beside the times of the o
 benchmarks. Counted is what `Simulator.AdvanceTo` runs between two ticks of 10 ms while
 a six-joint arm plays a trajectory: the whole diagram, and the same without Python; the
 same of four arms in one diagram, for each of them; and 1 ms of the myCobot with
-Gazebo's plugins. Without valgrind (Debian has it) there is a
-message and no count.
+Gazebo's plugins. Beside them, where MuJoCo is installed, what its `mj_step` takes for
+10 ms of the same arm with position actuators. Without valgrind (Debian has it) there is
+a message and no count.
 
     python -m tests.benchmarks.instructions [--ticks 50]
 """
 
 import argparse
 import gc
+import importlib.util
 import os
 import shutil
 import subprocess
@@ -36,6 +38,7 @@ ARMS = 4
 
 # What is counted, and what callgrind writes a file before.
 ADVANCE = "drake::systems::Simulator<double>::AdvanceTo(double const&)"
+MUJOCO = "mj_step"
 MARK = "drake::systems::Simulator<double>::Initialize*"
 
 # Ticks before the count begins.
@@ -94,6 +97,26 @@ def with_plugins() -> Advance:
     return ad.Simulation(ad.build_diagram(robot, world="void")).advance_to
 
 
+def with_mujoco(step: float) -> Advance:
+    # Not at the top: it is compared with where it is installed.
+    import mujoco
+
+    from tests.benchmarks.peers.mujoco_peer import make_model
+    from tests.benchmarks.peers.task import make_tasks
+
+    (task,) = (task for task in make_tasks(4.0) if task.name == ROBOT)
+    model = make_model(task, step, 1, is_positioned=True)
+    data, rows = mujoco.MjData(model), task.wanted()
+
+    def advance(time: float) -> object:
+        for tick in range(round(data.time / PERIOD), round(time / PERIOD)):
+            data.ctrl[:] = rows[tick]
+            mujoco.mj_step(model, data, round(PERIOD / step))
+        return None
+
+    return advance
+
+
 def cases() -> Iterator[tuple[str, float, Callable[[], Advance], int]]:
     """Yield names, periods [s], what makes a simulation, and of how many robots."""
     for preset in ("fast", "accurate"):
@@ -108,6 +131,10 @@ def cases() -> Iterator[tuple[str, float, Callable[[], Advance], int]]:
             )
     yield f"accurate, each of {ARMS} arms", PERIOD, lambda o=options: with_arms(o), ARMS
     yield "accurate, the myCobot's plugins", GAZEBO_PERIOD, with_plugins, 1
+    if importlib.util.find_spec("mujoco") is not None:
+        for step in (0.001, 0.002, 0.01):
+            name = f"MuJoCo, position actuators, steps of {1e3 * step:.0f} ms"
+            yield name, PERIOD, lambda h=step: with_mujoco(h), 1
 
 
 def count(folder: Path, num_ticks: int) -> None:
@@ -143,7 +170,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         command = [
             *(valgrind, "--tool=callgrind", "--quiet"),
-            *(f"--toggle-collect={ADVANCE}", f"--dump-before={MARK}"),
+            *(f"--toggle-collect={name}" for name in (ADVANCE, MUJOCO)),
+            f"--dump-before={MARK}",
             f"--callgrind-out-file={folder}/out",
             *(sys.executable, "-m", "tests.benchmarks.instructions"),
             *("--ticks", str(num_ticks)),
