@@ -359,7 +359,7 @@ class Hand:
         thing: str,
         rejected: list[tuple[RigidTransform, Failure]],
     ) -> None:
-        """Raise Failure if a grasp can't get to the goal; poses in `vain` weren't."""
+        """Raise Failure if a grasp can't get to the goal; none of `rejected` could."""
         if self.options.goal is None:
             return
         failures = []

@@ -74,7 +74,7 @@ def ticks_of(sim: ad.Simulation, manager_rate: int, last: int) -> list[int]:
         (100, 70, [*range(13)]),
         # 2.5 cycles: of ticks as near, the earlier one.
         (100, 40, [0, 2, 4, 6, 8, 10, 12]),
-        # 1.5 cycles: rounding decides, as in control/update_schedule.py.
+        # 1.5 cycles: rounding decides, as in manager/lifecycle.py.
         (30, 20, [0, 2, 3, 5, 6, 8, 9, 11, 12]),
     ],
 )

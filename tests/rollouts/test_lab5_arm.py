@@ -7,11 +7,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio
 import pytest
-from arm_drake.description.bundled import bundled_motions
 from numpy.typing import NDArray
 
 import arm_drake as ad
 from arm_drake.cli import main
+from arm_drake.description.entry import bundled_motions
 from arm_drake.simulation.motion_files import load_motion
 
 Array = NDArray[np.float64]
