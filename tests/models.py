@@ -1,5 +1,6 @@
 """The smallest robots that show an effect, as URDF text, and what loads them."""
 
+import dataclasses as dc
 from pathlib import Path
 from typing import Any
 
@@ -222,3 +223,10 @@ def load(
         files.append(folder / "controllers.yaml")
         files[0].write_text(controllers, encoding="utf-8")
     return ad.load_robot(file, controllers=files, **options)
+
+
+def at_rate_of(robot: ad.Robot, step: float) -> ad.Robot:
+    """Return a robot whose manager ticks in steps [s], at most; some have 1 kHz."""
+    rate = min(robot.controllers.update_rate, round(1.0 / step))
+    controllers = dc.replace(robot.controllers, update_rate=rate)
+    return dc.replace(robot, controllers=controllers)

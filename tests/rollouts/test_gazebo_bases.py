@@ -1,6 +1,5 @@
 """Bases that Gazebo's plugins drive go where they are told, and where wheels say."""
 
-import dataclasses as dc
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +8,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 import arm_drake as ad
 from arm_drake.messages import Odometry, Twist, Vector3
+from tests import models
 from tests.carts import RADIUS, cart, classic_drive, diff_drive, load
 
 SPEED, TURN = 0.25, 0.8
@@ -49,9 +49,7 @@ class Cart:
     ) -> None:
         self.robot = load(folder, cart(plugin, limit=limit))
         # A step is no longer than a period of the manager, of 1 ms by default.
-        rate = min(self.robot.controllers.update_rate, round(1.0 / step))
-        controllers = dc.replace(self.robot.controllers, update_rate=rate)
-        robot = dc.replace(self.robot, controllers=controllers)
+        robot = models.at_rate_of(self.robot, step)
         options = ad.SimulationOptions(time_step=step)
         self.sim = ad.Simulation(ad.build_diagram(robot, options=options))
         self.command, self.odom = (self.sim.topic(name) for name in topics)

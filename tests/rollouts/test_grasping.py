@@ -27,6 +27,7 @@ from arm_drake.messages import (
     ParallelGripperCommandGoal,
     ParallelGripperCommandResult,
 )
+from tests import models
 from tests.robots import load_real_robot
 
 # How far a held box may get along a finger in 3 s [m] and turn [rad]. Drake's friction
@@ -177,9 +178,7 @@ class Scene:
         start = {**grasp.start, grasp.joint: grasp.opened}
         robot = load_real_robot(name, pose=grasp.pose, initial_positions=start)
         # A step is no longer than a period of the manager, of 1 ms some have.
-        rate = min(robot.controllers.update_rate, round(1.0 / time_step))
-        controllers = dc.replace(robot.controllers, update_rate=rate)
-        robot = dc.replace(robot, controllers=controllers)
+        robot = models.at_rate_of(robot, time_step)
         alone = ad.build_diagram(robot, world="void")
         frames = alone.GetOutputPort("frames").Eval(alone.CreateDefaultContext())
         at = robot.description.links.index(grasp.link)
