@@ -43,6 +43,7 @@ from arm_drake.plant.joint_dynamics import (
     velocity_map,
 )
 from arm_drake.plant.plant import (
+    fuse_fixed_links,
     make_reduced_plant,
     set_gravity,
     set_initial_positions,
@@ -288,14 +289,14 @@ def make_servo_plant(
 ) -> MultibodyPlant:
     """Return a plant that a servo computes with: one robot on a fixed base.
 
-    It is a clone of the robot's plant on trial, if that has the same step.
-    Drake's discrete step treats damping D implicitly, that is, it moves M + h D: each
-    joint has the inertia h D besides.
+    It is made of the robot's plant on trial, if that has the same step. What is fixed
+    to a link is a part of it: nobody asks this plant for links. Drake's discrete step
+    treats damping D implicitly, that is, it moves M + h D: each joint has the inertia
+    h D besides.
     """
-    if trial is not None and trial.time_step() == time_step:
-        plant = trial.Clone()
-    else:
-        plant = make_reduced_plant(description, pose, time_step)
+    if trial is None or trial.time_step() != time_step:
+        trial = make_reduced_plant(description, pose, time_step)
+    plant = fuse_fixed_links(trial) or trial.Clone()
     set_gravity(plant, options)
     damping = {
         joint.name(): time_step * joint.default_damping_vector()[0]

@@ -87,7 +87,7 @@ def center(ranges: Iterable[JointRange]) -> dict[str, float]:
 
 
 def randomize(
-    ranges: Iterable[JointRange], rng: np.random.Generator
+    ranges: Iterable[JointRange], rng: "np.random.Generator"
 ) -> dict[str, float]:
     """Return positions of independent joints [rad, m], uniform in their ranges."""
     return {

@@ -26,7 +26,17 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
     MultibodyPlantConfig,
 )
-from pydrake.multibody.tree import Joint, JointActuator, ModelInstanceIndex
+from pydrake.multibody.tree import (
+    BodyIndex,
+    FixedOffsetFrame,
+    Frame,
+    Joint,
+    JointActuator,
+    ModelInstanceIndex,
+    PrismaticJoint,
+    RevoluteJoint,
+    SpatialInertia,
+)
 from pydrake.systems.framework import DiagramBuilder
 
 from arm_drake.description.joints import FREE_TYPES, WORLD
@@ -199,6 +209,88 @@ def make_reduced_plant(
     add_payloads(plant, model, payloads or {}, collides=False)
     plant.Finalize()
     return plant
+
+
+def fuse_fixed_links(whole: MultibodyPlant) -> MultibodyPlant | None:
+    """Return a finalized plant that moves as a reduced one, with fewer bodies.
+
+    A link and all that is fixed to it are one body there, called as the link that its
+    joint moves; joints and actuators stay as they are. None if nothing is fixed to a
+    link that moves.
+    """
+    joints = [whole.get_joint(index) for index in whole.GetJointIndices()]
+    fixed = {j.child_body().index(): j for j in joints if j.num_velocities() == 0}
+
+    def find_owner(index: BodyIndex) -> tuple[BodyIndex, RigidTransform]:
+        """Return the body that a link is a part of, and its pose there."""
+        joint = fixed.get(index)
+        if joint is None:
+            return index, RigidTransform()
+        owner, X_OP = find_owner(joint.parent_body().index())
+        X_PF = joint.frame_on_parent().GetFixedPoseInBodyFrame()
+        X_BM = joint.frame_on_child().GetFixedPoseInBodyFrame()
+        return owner, X_OP @ X_PF @ joint.X_FM() @ X_BM.inverse()
+
+    world = whole.world_body().index()
+    bodies = [BodyIndex(i) for i in range(whole.num_bodies())]
+    owners = {index: find_owner(index) for index in bodies}
+    moving = [joint for joint in joints if joint.num_velocities()]
+    if all(owners[index][0] == world for index in fixed) or not all(
+        isinstance(joint, RevoluteJoint | PrismaticJoint) for joint in moving
+    ):
+        return None
+    plant = MultibodyPlant(whole.time_step())
+    model = plant.AddModelInstance("robot")
+    fused = {world: plant.world_body()}
+    for index, inertia in _sum_inertias(whole, owners).items():
+        name = whole.get_body(index).name()
+        fused[index] = plant.AddRigidBody(name, model, inertia)
+    # Velocities have the order of joints along each branch, in the order of these.
+    for joint in sorted(moving, key=Joint.velocity_start):
+        ends: list[Frame] = []
+        for frame in (joint.frame_on_parent(), joint.frame_on_child()):
+            owner, X_OB = owners[frame.body().index()]
+            X_OF = X_OB @ frame.GetFixedPoseInBodyFrame()
+            name, base = f"{joint.name()}_{len(ends)}", fused[owner].body_frame()
+            ends.append(plant.AddFrame(FixedOffsetFrame(name, base, X_OF)))
+        plant.AddJoint(_copy_joint(joint, *ends))
+    for index in whole.GetJointActuatorIndices():
+        old = whole.get_joint_actuator(index)
+        driven = plant.GetJointByName(old.joint().name())
+        new = plant.AddJointActuator(old.name(), driven, old.effort_limit())
+        new.set_default_rotor_inertia(old.default_rotor_inertia())
+        new.set_default_gear_ratio(old.default_gear_ratio())
+    plant.Finalize()
+    return plant
+
+
+def _sum_inertias(
+    plant: MultibodyPlant, owners: Mapping[BodyIndex, tuple[BodyIndex, RigidTransform]]
+) -> dict[BodyIndex, SpatialInertia]:
+    """Return inertias of bodies with what is fixed to them, about their own origins.
+
+    `owners` are of all bodies the one that each is a part of, and its pose there.
+    """
+    inertias: dict[BodyIndex, SpatialInertia] = {}
+    for index, (owner, X_OB) in owners.items():
+        if owner != plant.world_body().index():
+            total = inertias.setdefault(owner, SpatialInertia.Zero())
+            own = plant.get_body(index).default_spatial_inertia()
+            # A sum of nothing and nothing has no center.
+            if own.get_mass() > 0.0:
+                total += own.ReExpress(X_OB.rotation()).Shift(-X_OB.translation())
+    return inertias
+
+
+def _copy_joint(joint: Joint, parent: Frame, child: Frame) -> Joint:
+    """Return a joint of one degree of freedom as another one, between frames."""
+    limits = joint.position_lower_limits()[0], joint.position_upper_limits()[0]
+    damping = joint.default_damping_vector()[0]
+    if isinstance(joint, RevoluteJoint):
+        axis = joint.revolute_axis()
+        return RevoluteJoint(joint.name(), parent, child, axis, *limits, damping)
+    axis = joint.translation_axis()
+    return PrismaticJoint(joint.name(), parent, child, axis, *limits, damping)
 
 
 def simple_joints(plant: MultibodyPlant) -> list[Joint]:

@@ -172,7 +172,7 @@ class Player:
             self._over_at = now + AFTER_MOTION
 
     def give_up(self) -> None:
-        """Say what wasn't begun as robots didn't come to rest, or wasn't ended."""
+        """Say which tasks weren't ended, or not even begun."""
         ended = "not done: the simulation ended before"
         for task in self._running.values():
             # Who follows has nowhere to get to.
@@ -183,6 +183,13 @@ class Player:
             if not isinstance(step.message, PlanTo):
                 reason = "not begun: the simulation ended before the robot was free"
             self._reject(step, reason)
+        if self._robots:  # Then the motion doesn't repeat.
+            later = [] if self._next is None else [self._next, *self._steps]
+            for _, step in later:
+                if isinstance(step.message, Task):
+                    reason = "not begun: the simulation ended before its time"
+                    self._reject(step, reason)
+            self._next = None
         self._waiting.clear()
         self._running.clear()
 

@@ -634,9 +634,11 @@ class Simulation:
         # The rate counts from now.
         self.simulator.ResetStatistics()
         self.simulator.set_target_realtime_rate(realtime_rate)
-        player.play(duration, progress, ends=ends)
-        player.give_up()
-        self.simulator.set_target_realtime_rate(0.0)
+        try:
+            player.play(duration, progress, ends=ends)
+        finally:  # Also by Ctrl-C, after which a user may go on.
+            player.give_up()
+            self.simulator.set_target_realtime_rate(0.0)
 
     def move_to(
         self, to: "Target", *, robot: str | None = None, **options: Any

@@ -68,13 +68,15 @@ def run_drawing(
     if duration is None:
         duration = default_duration(motion)
     start, count = simulation.time, math.floor(duration * frame_rate + 1e-9)
-    for picture in (*range(1, count + 1), None):
-        passed = duration if picture is None else picture / frame_rate
-        player.play(max(start + passed - simulation.time, 0.0), ends=ends)
-        draw()
-        if progress is not None:
-            progress(simulation.time)
-        if ends and player.is_over:
-            break
-    player.give_up()
-    simulation.simulator.set_target_realtime_rate(0.0)
+    try:
+        for picture in (*range(1, count + 1), None):
+            passed = duration if picture is None else picture / frame_rate
+            player.play(max(start + passed - simulation.time, 0.0), ends=ends)
+            draw()
+            if progress is not None:
+                progress(simulation.time)
+            if ends and player.is_over:
+                break
+    finally:
+        player.give_up()
+        simulation.simulator.set_target_realtime_rate(0.0)

@@ -1,5 +1,6 @@
 """Plans from running simulations: what is seen there, and what becomes of them."""
 
+import contextlib
 import gc
 import weakref
 from pathlib import Path
@@ -297,6 +298,31 @@ def test_a_robot_that_never_rests_is_reported_of(simulation: ad.Simulation) -> N
     assert simulation.mailbox.describe(refused) == (
         "[1].plan_to: not planned: the robot didn't come to rest in time"
     )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_interrupted", [False, True])
+def test_a_step_whose_time_does_not_come_is_reported_of(
+    simulation: ad.Simulation, is_interrupted: bool
+) -> None:
+    steps = [
+        {"at": 2.0, "plan_to": {"state": "home"}},
+        {"at": 3.0, "plan_to": {"positions": {"joint1": 1.0}}},
+    ]
+
+    def interrupt(time: float) -> None:
+        if is_interrupted and time > 0.05:
+            raise KeyboardInterrupt
+
+    stopped = pytest.raises(KeyboardInterrupt)
+    with stopped if is_interrupted else contextlib.nullcontext():
+        simulation.run(0.2, parse_motion(steps), realtime_rate=20.0, progress=interrupt)
+
+    told = [simulation.mailbox.describe(refused) for refused in simulation.rejected]
+    reason = "not begun: the simulation ended before its time"
+    assert told == [f"[{i}].plan_to: {reason}" for i in range(2)]
+    # Who goes on is not held to the rate.
+    assert simulation.simulator.get_target_realtime_rate() == 0.0
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """What messages are on the wire, beside rosbags, which is none of ours."""
 
 import base64
+import dataclasses as dc
 import json
 import math
 from random import Random
@@ -9,9 +10,10 @@ from typing import Any
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
+from arm_drake import messages
 from arm_drake.errors import InputError
 from arm_drake.wire.encodings import to_json
-from arm_drake.wire.types import load_wire_types
+from arm_drake.wire.types import load_wire_types, type_of
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 NAMES = ((), ("a",), ("joint1", "x"), ("äö", "a_long_name_of_a_joint", "b"))
@@ -108,3 +110,35 @@ def test_bytes_that_are_no_message_are_refused_and_take_no_memory() -> None:
             refused += 1
 
     assert refused > 900
+
+
+def test_every_message_of_a_topic_has_its_name_in_ros() -> None:
+    kinds = [getattr(messages, name) for name in messages.__all__]
+    unnamed = {
+        kind.__name__
+        for kind in kinds
+        if isinstance(kind, type) and dc.is_dataclass(kind) and not type_of(kind)
+    }
+
+    # Requests, answers and events, and parts of messages that we keep as fields.
+    assert unnamed == {
+        "CancelGoal",
+        "CancelResponse",
+        "Duration",
+        "FollowJointTrajectoryFeedback",
+        "FollowJointTrajectoryResult",
+        "GoalEvent",
+        "GripperCommandResult",
+        "ParallelGripperCommandResult",
+        "ParametersRejected",
+        "PointField",
+        "QueryTrajectoryState",
+        "RegionOfInterest",
+        "ResetOdometry",
+        "SendGoal",
+        "SetOdometry",
+        "SwitchController",
+        "SwitchControllerResult",
+        "Time",
+        "TopicRejected",
+    }
