@@ -107,7 +107,7 @@ def find_grasps(
     solid, lowest = _Solid(shape, corners), float(heights.min())
     # Around what is round, all pairs have one width.
     shells: dict[tuple[float, float], _Shell] = {}
-    found = []
+    found: list[Grasp] = []
     for pair in pairs:
         key = (pair.width, solid.radius(pair.middle))
         if key not in shells and (shell := _find_shell(gripper, *key)):
@@ -247,7 +247,9 @@ def _shift(
     reach, depth = gripper.pad[0], solid.depth(z, pair.middle)
     while 2.0 * reach * _COVERED <= reach + depth - shift:
         if not solid.contains(at_middle - shift * z).any():
-            return float(shift)
+            # From below, further back is lower.
+            is_above = lowest - shift * z_W[2] > floor + _ABOVE - 1e-9
+            return float(shift) if is_above else None
         shift += _STEP
     return None
 
