@@ -26,6 +26,9 @@ MAX_SIZE = 4_000_000
 # aliases of aliases.
 _MAX_ALIASED = 100_000
 
+# So many brackets may be open. For each that is PyYAML looks at all others.
+_MAX_OPEN = 200
+
 
 class YamlError(ValueError):
     """A file that can't be read or parsed."""
@@ -71,6 +74,12 @@ class Loader(yaml.SafeLoader):
             if is_indentation and self.peek(length) not in f"#{_LINE_ENDS}":
                 return
             self.forward(length)
+
+    def fetch_flow_collection_start(self, token: type[yaml.Token]) -> None:
+        """Take a bracket that opens a list or mapping."""
+        if self.flow_level >= _MAX_OPEN:
+            raise RecursionError
+        super().fetch_flow_collection_start(token)
 
     def construct_mapping(
         self, node: yaml.MappingNode, deep: bool = False

@@ -104,12 +104,16 @@ def find_grasps(
     pairs = list(_pairs(shape, corners))
     X_WG = X_WO @ X_OG
     heights = (X_WG.rotation().matrix() @ corners.T)[2] + X_WG.translation()[2]
-    solid = _Solid(shape, corners)
-    found = [
-        grasp
-        for pair in pairs
-        for grasp in _around(gripper, solid, pair, X_WG, float(heights.min()))
-    ]
+    solid, lowest = _Solid(shape, corners), float(heights.min())
+    # Around what is round, all pairs have one width.
+    shells: dict[tuple[float, float], _Shell] = {}
+    found: list[Grasp] = []
+    for pair in pairs:
+        key = (pair.width, solid.radius(pair.middle))
+        if key not in shells and (shell := _find_shell(gripper, *key)):
+            shells[key] = shell
+        if key in shells:
+            found += _around(gripper, solid, pair, X_WG, lowest, shells[key])
     found.sort(key=lambda grasp: grasp.cost)
     R = X_OG.rotation().matrix()
     return [g._replace(X_OP=X_OG @ g.X_OP, approach=R @ g.approach) for g in found]
@@ -134,21 +138,65 @@ def explain_no_grasp(gripper: Gripper, shape: GraspedShape) -> str:
     return "wherever the fingers would close, the gripper is in it or below its foot"
 
 
+class _Shell(NamedTuple):
+    """A gripper around things of a width, in the grasp frame [m]."""
+
+    # How far it is closed then, and the pose of its grasp frame in the palm.
+    closed: float
+    X_PF: RigidTransform
+
+    # Points of it that a thing can come to, shape (n, 3).
+    near: np.ndarray
+
+    # Points whose hull is what it sweeps while it closes, shape (m, 3).
+    corners: np.ndarray
+
+
+def _find_shell(gripper: Gripper, width: float, radius: float) -> _Shell | None:
+    """Return a gripper around things of a width and radius, if they are for it."""
+    low, high = gripper.stroke
+    clearance = min(_CLEARANCE, 0.5 * (high - width))
+    if clearance < _LEAST_CLEARANCE or width < low:
+        return None
+    closed = gripper.at(width + 2.0 * clearance).closed
+    X_PF = gripper.pose(width, clearance)
+    X_FP = X_PF.inverse().GetAsMatrix34()
+    opened, gripping = (
+        gripper.points(part) @ X_FP[:, :3].T + X_FP[:, 3]
+        for part in (closed, gripper.at(width).closed)
+    )
+    # It is moved back as long as the pads are on the thing.
+    near = np.linalg.norm(opened, axis=1) < radius + _most_shift(gripper, radius) + 1e-6
+    # Fingers on an arc reach further when they have closed.
+    corners = _hull_corners(np.vstack([opened, gripping]))
+    return _Shell(closed, X_PF, opened[near], corners)
+
+
+def _most_shift(gripper: Gripper, depth: float) -> float:
+    """Return how far back the pads still are on a thing of a depth [m]."""
+    reach = gripper.pad[0]
+    return max(0.0, reach + depth - 2.0 * reach * _COVERED)
+
+
+def _hull_corners(points: np.ndarray) -> np.ndarray:
+    """Return the points of a hull; all, if they lie in a plane."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return points[ConvexHull(points).vertices]
+    except QhullError:
+        return points
+
+
 def _around(
-    gripper: Gripper, solid: "_Solid", pair: _Pair, X_WG: RigidTransform, floor: float
+    gripper: Gripper,
+    solid: "_Solid",
+    pair: _Pair,
+    X_WG: RigidTransform,
+    floor: float,
+    shell: _Shell,
 ) -> Iterator[Grasp]:
     """Yield the grasps of two faces."""
-    low, high = gripper.stroke
-    clearance = min(_CLEARANCE, 0.5 * (high - pair.width))
-    if clearance < _LEAST_CLEARANCE or pair.width < low:
-        return
-    opening = gripper.at(pair.width + 2.0 * clearance)
-    X_PF = gripper.pose(pair.width, clearance)
-    body = gripper.points(opening.closed)
-    # Fingers on an arc reach further when they have closed.
-    swept = np.vstack([body, gripper.points(gripper.at(pair.width).closed)])
-    X_FP = X_PF.inverse()
-    in_grasp, swept = X_FP.multiply(body.T).T, X_FP.multiply(swept.T).T
     x = pair.axis
     down = X_WG.rotation().matrix().T @ np.array([0.0, 0.0, -1.0])
     u = down - x * (x @ down)
@@ -160,7 +208,7 @@ def _around(
     for number in range(_APPROACHES):
         angle = 2.0 * math.pi * number / _APPROACHES
         z = math.cos(angle) * u + math.sin(angle) * v
-        shift = _shift(gripper, solid, pair, z, X_WG, in_grasp, swept, floor)
+        shift = _shift(gripper, solid, pair, z, X_WG, shell, floor)
         if shift is None:
             continue
         from_above = math.acos(np.clip(z @ down, -1.0, 1.0))
@@ -168,8 +216,8 @@ def _around(
         for sign in (1.0, -1.0):
             R = np.column_stack([sign * x, np.cross(z, sign * x), z])
             X_GF = RigidTransform(RotationMatrix(R), pair.middle - shift * z)
-            X_GP = X_GF @ X_PF.inverse()
-            yield Grasp(X_GP, pair.width, opening.closed, z, cost)
+            X_GP = X_GF @ shell.X_PF.inverse()
+            yield Grasp(X_GP, pair.width, shell.closed, z, cost)
 
 
 def _shift(
@@ -178,8 +226,7 @@ def _shift(
     pair: _Pair,
     z: np.ndarray,
     X_WG: RigidTransform,
-    body: np.ndarray,
-    swept: np.ndarray,
+    shell: _Shell,
     floor: float,
 ) -> float | None:
     """Return how far back a grasp has to be for the gripper to be nowhere else [m].
@@ -189,10 +236,10 @@ def _shift(
     x = pair.axis
     R = RotationMatrix(np.column_stack([x, np.cross(z, x), z]))
     X_GF = RigidTransform(R, pair.middle)
-    at_middle = X_GF.multiply(body.T).T
+    at_middle = shell.near @ R.matrix().T + pair.middle
     z_W = X_WG.rotation().matrix() @ z
-    heights = (X_WG @ X_GF).multiply(swept.T)[2]
-    lowest, shift = float(heights.min()), 0.0
+    up = (X_WG @ X_GF).GetAsMatrix34()[2]
+    lowest, shift = float((shell.corners @ up[:3]).min() + up[3]), 0.0
     if lowest < floor + _ABOVE:
         if z_W[2] > -0.2:
             return None  # Further back isn't higher.
@@ -200,7 +247,9 @@ def _shift(
     reach, depth = gripper.pad[0], solid.depth(z, pair.middle)
     while 2.0 * reach * _COVERED <= reach + depth - shift:
         if not solid.contains(at_middle - shift * z).any():
-            return float(shift)
+            # From below, further back is lower.
+            is_above = lowest - shift * z_W[2] > floor + _ABOVE - 1e-9
+            return float(shift) if is_above else None
         shift += _STEP
     return None
 
@@ -222,6 +271,10 @@ class _Solid:
     def depth(self, z: np.ndarray, middle: np.ndarray) -> float:
         """Return how far it reaches from its middle towards where a gripper comes."""
         return float(np.max(-(self._corners - middle) @ z))
+
+    def radius(self, middle: np.ndarray) -> float:
+        """Return how far it reaches from its middle in any direction."""
+        return float(np.linalg.norm(self._corners - middle, axis=1).max())
 
     def contains(self, points: np.ndarray) -> np.ndarray:
         """Return which points are in it, shape (n,)."""

@@ -258,10 +258,16 @@ def test_runs_need_no_guard_and_no_file(tmp_path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stdin", [False, True])
-@pytest.mark.parametrize("how", [{}, {"backend": "processes"}])
+@pytest.mark.parametrize(
+    ("how", "stdin"),
+    [
+        ({}, False),
+        ({"backend": "processes"}, False),
+        ({"backend": "processes"}, True),
+    ],
+)
 def test_what_a_program_or_notebook_defines_goes_there_and_back(
-    tmp_path, stdin, how
+    tmp_path, how, stdin
 ) -> None:
     done = run(DEFINED_HERE.format(how=how), stdin, tmp_path)
 

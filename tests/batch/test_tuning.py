@@ -18,7 +18,7 @@ GAINS = "{p: 10.0, i: 0.5, d: 2.0, i_clamp: 3.0}"
 PID = f"""
 controller_manager:
   ros__parameters:
-    update_rate: 200
+    update_rate: 100
     arm: {{type: joint_trajectory_controller/JointTrajectoryController}}
 arm:
   ros__parameters:
@@ -27,7 +27,7 @@ arm:
     state_interfaces: [position, velocity]
     gains: {{slide: {GAINS}}}
 """
-WEIGHTLESS = ad.SimulationOptions(time_step=0.005, gravity=False)
+WEIGHTLESS = ad.SimulationOptions(time_step=0.01, gravity=False)
 
 
 @pytest.fixture
@@ -104,11 +104,11 @@ def test_figures_are_those_of_a_known_curve() -> None:
 
 @pytest.mark.slow
 def test_tuned_gains_keep_what_was_asked_and_are_better(lift, tmp_path) -> None:
-    found = ad.tune_gains(lift, settle=0.5, overshoot=0.1, moves=2, options=WEIGHTLESS)
+    found = ad.tune_gains(lift, settle=0.25, overshoot=0.1, moves=2, options=WEIGHTLESS)
 
     assert found.keeps_promise
     assert found.after.is_better(found.before)
-    again = ad.measure_gains(found.robot, settle=0.5, moves=2, options=WEIGHTLESS)
+    again = ad.measure_gains(found.robot, settle=0.25, moves=2, options=WEIGHTLESS)
     assert again == found.after
     # What is written is what a robot with that file has.
     (tmp_path / "tuned.yaml").write_text(found.to_text())
@@ -137,7 +137,7 @@ def test_the_command_tells_and_draws(lift, tmp_path, capsys) -> None:
     for file in lift.controllers.files:
         words += ["--controllers", str(file)]
 
-    code = cli.main([*words, "--settle", "0.6", "--moves", "1", "--time-step", "0.005"])
+    code = cli.main([*words, "--settle", "0.25", "--moves", "1", "--time-step", "0.01"])
 
     told = json.loads(capsys.readouterr().out)
     assert code == (0 if told["keeps_promise"] else 1)

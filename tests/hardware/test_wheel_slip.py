@@ -187,7 +187,9 @@ def test_bases_to_begin_with_go_where_their_geometry_says(kind: str) -> None:
     folder = configs_folder() / "wheeled_base"
     yaml = folder / f"{kind}_controllers.yaml"
     robot = ad.load_robot(folder / f"{kind}.urdf", controllers=yaml)
-    sim = ad.Simulation(ad.build_diagram(robot))
+    # At the default step the program of the page has them.
+    options = ad.SimulationOptions(time_step=5e-3)
+    sim = ad.Simulation(ad.build_diagram(robot, options=options))
 
     sim.run(6.0, folder / "drive.yaml")
 

@@ -4,7 +4,7 @@
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
@@ -57,9 +57,13 @@ def test_all_launch_files_end_as_plans_but_for_what_is_not_there(
     repository: str,
 ) -> None:
     plans, errors = [], {}
+    addresses: dict[str, str] = {}
     for path in launch_files(repository):
         try:
-            plans.append(load(path)[0])
+            plan, given = load(path, addresses)
+            plans.append(plan)
+            # The first that asks for an address does so for all of its repository.
+            addresses |= {k: v for k, v in given.items() if k.startswith("robot_ip")}
         except ArmDrakeError as error:
             errors[path.name] = str(error)
 
@@ -67,9 +71,14 @@ def test_all_launch_files_end_as_plans_but_for_what_is_not_there(
     assert [e for name, e in errors.items() if LACKING.get(name, "?") not in e] == []
 
 
-def load(path: Path) -> tuple[ad.LaunchPlan, dict[str, str]]:
-    """Return the plan of a launch file, and the arguments that it asked for."""
-    given: dict[str, str] = {}
+def load(
+    path: Path, start: Mapping[str, str] | None = None
+) -> tuple[ad.LaunchPlan, dict[str, str]]:
+    """Return the plan of a launch file, and the arguments that it got.
+
+    To those at the start come what it asks for.
+    """
+    given = dict(start or {})
     while True:
         try:
             return ad.load_launch(path, arguments=given), given

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydrake.geometry import Convex
+from pydrake.geometry import Box, Convex, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
@@ -26,6 +26,7 @@ from arm_drake.manipulation.activities import (
 )
 from arm_drake.manipulation.hand import Hand, PickOptions
 from arm_drake.manipulation.pick_and_place import placing
+from arm_drake.planning.grasps import find_grasps
 from arm_drake.planning.grippers import find_gripper
 from arm_drake.planning.groups import find_group
 from arm_drake.planning.setting import PlanningError
@@ -212,6 +213,35 @@ def test_fingers_that_never_rest_are_a_failure() -> None:
         perform(simulation, Hand.move_gripper(arm, 1.0, "close"))
 
     assert 5.0 < simulation.time < 10.0
+
+
+@pytest.mark.parametrize(
+    # The tall one would reach into the palm.
+    "shape",
+    [Box(0.025, 0.025, 0.3), Sphere(0.018)],
+    ids=["box", "ball"],
+)
+def test_no_grasp_has_the_gripper_in_the_thing_or_below_it(shape: Box | Sphere) -> None:
+    gripper = find_gripper(load_mycobot())
+    half = shape.size()[2] / 2.0 if isinstance(shape, Box) else shape.radius()
+    X_WO = RigidTransform(RollPitchYaw(0.0, 0.0, 0.4), [0.2, 0.05, half])
+
+    # Every eighth, for around a ball there are hundreds.
+    grasps = find_grasps(gripper, shape, X_WO)[::8]
+
+    assert len(grasps) >= 4
+    gaps = []
+    for grasp in grasps:
+        points = grasp.X_OP.multiply(gripper.points(grasp.pre_grasp).T).T
+        if isinstance(shape, Box):
+            depth = (0.5 * shape.size() - np.abs(points)).min(axis=1)
+        else:
+            depth = shape.radius() - np.linalg.norm(points, axis=1)
+        assert depth.max() < 5e-4 + 1e-9
+        gaps.append(X_WO.multiply(points.T)[2].min())
+    # Some are as low as they may be, but for what the fingers sweep on an arc.
+    assert min(gaps) > 2e-3 - 1e-9
+    assert isinstance(shape, Box) or min(gaps) < 3e-3
 
 
 def add_nut(plant: MultibodyPlant, folder: Path) -> None:

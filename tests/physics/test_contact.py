@@ -163,9 +163,9 @@ def move(joints: Sequence[str], positions: Iterable[float]) -> ad.JointTrajector
 
 
 class Press:
-    """An arm goes into the ground, pushes for 2 s, goes back and rests for 2 s."""
+    """An arm goes into the ground, pushes for 1.5 s, goes back and rests for 1 s."""
 
-    DOWN, UP, END = 0.2, 3.2, 6.2  # s
+    DOWN, UP, END = 0.2, 2.7, 4.7  # s
 
     def __init__(self, arm: Arm, sim: ad.Simulation, *, jtc: bool) -> None:
         """Do it, commanded by trajectories of 1 s or by steps."""
@@ -310,12 +310,12 @@ def test_an_arm_without_effort_falls_on_the_ground_and_rests_there(
     sim = simulate(arm, h)
 
     sim.controller("arm").command([0.0, 0.0])
-    sim.advance_to(10.0)
+    sim.advance_to(6.0)
 
     rollout = sim.rollout()
     assert np.isfinite(rollout.velocity).all()
     np.testing.assert_array_equal(rollout.effort, 0.0)
-    late = rollout.time > 8.0
+    late = rollout.time > 5.0
     assert np.abs(rollout.velocity[late]).max() <= SLIDING
     # The ground is in the way: its elbow is bent, and its ball touches.
     shoulder, elbow = rollout.position[-1]
@@ -355,10 +355,10 @@ def test_a_goal_behind_an_obstacle_violates_its_path_tolerance(
     sim, prefix, behind = against(obstacle, tmp_path, yaml, h)
     controller = sim.controller(f"{prefix}arm")
     goal = controller.send_goal(move(SMALL_JOINTS, behind))
-    sim.advance_to(4.0)
+    sim.advance_to(2.5)
     back = controller.send_goal(move(SMALL_JOINTS, tuple(SMALL_START.values())))
 
-    sim.advance_to(7.0)
+    sim.advance_to(4.5)
 
     assert goal.status is ad.GoalStatus.ABORTED
     assert isinstance(goal.result, FollowJointTrajectoryResult)
@@ -376,12 +376,12 @@ def test_without_tolerances_an_arm_pushes_an_obstacle_with_its_effort(
     sim, prefix, behind = against(obstacle, tmp_path, yaml, h)
     controller = sim.controller(f"{prefix}arm")
     goal = controller.send_goal(move(SMALL_JOINTS, behind))
-    sim.advance_to(4.0)
+    sim.advance_to(2.5)
     pushing = np.array(sim.joint_states("arm").effort)
     off = np.array(sim.joint_states("arm").position) - behind
     back = controller.send_goal(move(SMALL_JOINTS, tuple(SMALL_START.values())))
 
-    sim.advance_to(7.0)
+    sim.advance_to(4.5)
 
     assert goal.status is ad.GoalStatus.SUCCEEDED
     assert np.abs(off).max() > 0.1
@@ -540,18 +540,18 @@ def test_jaws_hold_a_beam_at_its_end_if_they_press_enough(
     context = plant.GetMyMutableContextFromRoot(sim.simulator.get_mutable_context())
     plant.GetBodyByName("thing").Lock(context)
     sim.controller("arm").command([force])
-    sim.advance_to(1.0)
+    sim.advance_to(0.5)
 
     plant.GetBodyByName("thing").Unlock(context)
-    sim.advance_to(1.2)
+    sim.advance_to(0.7)
     before = thing_pose(sim)
-    sim.advance_to(4.2)
+    sim.advance_to(2.2)
 
     moved = before.inverse() @ thing_pose(sim)
     angle = moved.rotation().ToAngleAxis().angle()
-    if is_held:
-        assert np.linalg.norm(moved.translation()) < 1e-3
-        assert angle < 0.01
+    if is_held:  # It would creep by less than 1 mm and 10 mrad in 3 s.
+        assert np.linalg.norm(moved.translation()) < 5e-4
+        assert angle < 0.005
     else:
         assert start.translation()[2] - thing_pose(sim).translation()[2] > 0.01
 

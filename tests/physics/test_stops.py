@@ -46,7 +46,7 @@ STOPS = [(UPPER, 1.0), (LOWER, -1.0)]
 
 # How long joints are pushed [s]: each is at its stop, and at rest, within the first or
 # second, and from then on every step is the same.
-PUSHED = 4.0
+PUSHED = 3.0
 
 # How near to it a joint rests that has been sent beyond its stop [rad].
 AT_STOP = 1e-5
@@ -229,7 +229,7 @@ def test_a_joint_that_falls_into_its_stop_comes_to_rest_there(
     sim = ad.Simulation(ad.build_diagram(robot, world="void", options=options))
 
     sim.controller("group").command([0.0])
-    sim.advance_to(10.0)
+    sim.advance_to(6.0)
 
     rollout = sim.rollout()
     position, velocity = rollout.position[:, 0], rollout.velocity[:, 0]

@@ -129,11 +129,11 @@ def test_the_flange_is_where_the_published_one_is(pose, where):
 @pytest.mark.parametrize(("pose", "where"), KEY_POSES)
 def test_the_flange_gets_to_the_key_poses_within_3_mm(pose, where):
     sim = ad.Simulation(ad.build_diagram(ad.load_robot("doosan_a0912")))
-    point = ad.JointTrajectoryPoint(pose, time_from_start=2.0)
+    point = ad.JointTrajectoryPoint(pose, time_from_start=1.0)
     goal = ad.JointTrajectory(joint_names=JOINTS, points=[point])
     handle = sim.controller(JTC).send_goal(goal)
 
-    sim.advance_to(3.0)
+    sim.advance_to(1.5)
 
     assert handle.status is ad.GoalStatus.SUCCEEDED
     np.testing.assert_allclose(flange(sim), where, rtol=0.0, atol=3e-3)
@@ -211,12 +211,12 @@ def test_without_a_command_the_arm_holds_its_pose(source, pose):
     robot = ad.load_robot(source, initial_positions=initial)
     sim = ad.Simulation(ad.build_diagram(robot))
 
-    sim.advance_to(4.0)
+    sim.advance_to(2.0)
 
     position = sim.rollout().position
     np.testing.assert_allclose(position[0], pose, rtol=0.0, atol=1e-12)
     # 0.1 mrad a second, were it to creep.
-    assert np.abs(position - pose).max() <= 4e-4
+    assert np.abs(position - pose).max() <= 2e-4
 
 
 def test_with_little_effort_the_arm_sags_and_says_so(tmp_path):

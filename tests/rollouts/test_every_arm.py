@@ -20,13 +20,6 @@ from tests.servo_rig import Motion, Payload, ServoRig
 # In front of the names of robots that come with the package; others are of the index.
 BUNDLED = "bundled:"
 
-# What holds at both ends holds in between, which `make bench` shows.
-STEPS = [
-    1e-3,
-    *(pytest.param(h, marks=pytest.mark.long) for h in (2e-3, 5e-3)),
-    1e-2,
-]
-
 # A step [rad] or [m], and the part of it that is "there".
 STEP = {"prismatic": 1e-3}
 STEP_OF_OTHERS = 1e-2
@@ -179,7 +172,8 @@ def check_limits(arm: Arm, motion: Motion) -> None:
 SPEEDING = 1.02
 
 
-# The preset "fast" is for steps as large as the controllers' period.
+# The preset "fast" is for steps as large as the controllers' period. What holds at both
+# ends holds in between, which `make bench` shows.
 PRESETS = [
     ("accurate", 1e-3),
     pytest.param("accurate", 2e-3, marks=pytest.mark.long),
@@ -225,8 +219,28 @@ def test_it_holds_and_goes_wherever_it_is_sent(
         np.testing.assert_allclose(final - goal, 0.0, atol=1e-3)
 
 
-@pytest.mark.parametrize("friction", [False, True])
-@pytest.mark.parametrize(("preset", "h"), PRESETS)
+@pytest.mark.parametrize(
+    ("preset", "h", "friction"),
+    [
+        ("accurate", 1e-3, True),
+        ("accurate", 1e-2, True),
+        ("accurate", 1e-2, False),
+        ("fast", 1e-2, True),
+        ("fast", 1e-2, False),
+        *(
+            pytest.param(preset, h, friction, marks=pytest.mark.long)
+            for preset, h, friction in (
+                ("accurate", 1e-3, False),
+                ("accurate", 2e-3, True),
+                ("accurate", 2e-3, False),
+                ("accurate", 5e-3, True),
+                ("accurate", 5e-3, False),
+                ("fast", 2e-3, True),
+                ("fast", 2e-3, False),
+            )
+        ),
+    ],
+)
 @pytest.mark.parametrize("arm", all_names(), indirect=True)
 def test_a_small_step_settles_and_moves_no_other_joint(
     arm: Arm, preset: str, h: float, friction: bool
@@ -235,8 +249,10 @@ def test_a_small_step_settles_and_moves_no_other_joint(
         return  # A suction cup has no joints.
     if not arm.is_strong:
         return  # Said in the report; its efforts are saturated.
-    if friction and not any(j.friction for j in arm.robot.description.movable_joints):
-        return  # The same as without.
+    if not friction and not any(
+        joint.friction for joint in arm.robot.description.movable_joints
+    ):
+        return  # The same as with it.
     names = [joint.name for joint in commanded_joints(arm.robot.description)]
     initial = np.array([arm.robot.initial_positions[name] for name in names])
     start = arm.inside(initial, 2.0 * STEP_OF_OTHERS)
@@ -289,21 +305,36 @@ def of_robots(payloads: dict[str, float]) -> list[tuple[str, float]]:
     return [(name, mass) for name, mass in payloads.items() if name in all_names()]
 
 
-@pytest.mark.parametrize("h", STEPS)
+# How many goals a payload is carried to, by step.
+CARRIED = [
+    (1e-3, 2),
+    (1e-2, 5),
+    *(pytest.param(h, 5, marks=pytest.mark.long) for h in (1e-3, 2e-3, 5e-3)),
+]
+CARRIED_BY_WRISTS = [
+    (1e-3, 2),
+    (5e-3, 5),
+    *(pytest.param(h, 5, marks=pytest.mark.long) for h in (1e-3, 2e-3)),
+]
+
+
+@pytest.mark.parametrize(("h", "goals"), CARRIED)
 @pytest.mark.parametrize(("arm", "mass"), of_robots(PAYLOADS), indirect=["arm"])
-def test_an_unknown_payload_is_carried(arm: Arm, mass: float, h: float) -> None:
-    carry(arm, mass, h)
+def test_an_unknown_payload_is_carried(
+    arm: Arm, mass: float, h: float, goals: int
+) -> None:
+    carry(arm, mass, h, goals)
 
 
-@pytest.mark.parametrize("h", [1e-3, pytest.param(2e-3, marks=pytest.mark.long), 5e-3])
+@pytest.mark.parametrize(("h", "goals"), CARRIED_BY_WRISTS)
 @pytest.mark.parametrize(("arm", "mass"), of_robots(HEAVY_PAYLOADS), indirect=["arm"])
 def test_light_wrists_carry_heavy_payloads_with_rotors(
-    arm: Arm, mass: float, h: float
+    arm: Arm, mass: float, h: float, goals: int
 ) -> None:
-    carry(arm, mass, h, reflected_inertia=True)
+    carry(arm, mass, h, goals, reflected_inertia=True)
 
 
-def carry(arm: Arm, mass: float, h: float, **options: object) -> None:
+def carry(arm: Arm, mass: float, h: float, goals: int, **options: object) -> None:
     """Check that a payload that the servo knows nothing of is held and moved."""
     payload = Payload(last_link(arm), mass, (OFFSET, 0.0, OFFSET))
     rig = ServoRig(arm.robot, step=h, payload=payload, **options)
@@ -311,7 +342,7 @@ def carry(arm: Arm, mass: float, h: float, **options: object) -> None:
     motion = rig.run(2.0)
     np.testing.assert_allclose(motion.position[-1] - rig.start, 0.0, atol=2e-3)
     random, middle = np.random.default_rng(3), (arm.lower + arm.upper) / 2.0
-    for _ in range(5):
+    for _ in range(goals):
         goal = middle + (random.uniform(arm.lower, arm.upper) - middle) / 2.0
         rig.command(goal)
         final = rig.run(2.0).position[-1]

@@ -153,7 +153,7 @@ def test_the_wheels_of_classic_have_the_torque_of_the_tag(tmp_path: Path) -> Non
     # joints.
     tags = (ENCODER, ("max_wheel_torque", 0.4))
     limit = '<limit effort="1" velocity="0.5"/>'
-    base = Cart(tmp_path, classic_drive(*tags), CLASSIC_TOPICS, limit)
+    base = Cart(tmp_path, classic_drive(*tags), CLASSIC_TOPICS, limit, STEP)
 
     base.drive(SPEED, 0.0, 4.0)
 

@@ -276,18 +276,20 @@ def outcome(goal: ad.GoalHandle) -> tuple[ad.GoalStatus, bool, bool]:
 
 
 @pytest.mark.parametrize(
-    ("name", "time_step"),
+    ("name", "time_step", "hold"),
     [
-        ("robotiq_2f85", 5e-3),
-        ("open_manipulator_x", 5e-3),
-        ("so100_brukg", 5e-3),
-        ("ar4", 5e-3),
-        ("robotiq_2f85", 1e-3),
-        pytest.param("open_manipulator_x", 1e-3, marks=pytest.mark.long),
+        ("robotiq_2f85", 5e-3, HOLD),
+        ("open_manipulator_x", 5e-3, HOLD),
+        ("so100_brukg", 5e-3, HOLD),
+        ("ar4", 5e-3, HOLD),
+        # As much as it may creep a second.
+        ("robotiq_2f85", 1e-3, HOLD / 3.0),
+        pytest.param("robotiq_2f85", 1e-3, HOLD, marks=pytest.mark.long),
+        pytest.param("open_manipulator_x", 1e-3, HOLD, marks=pytest.mark.long),
     ],
 )
 def test_a_gripper_stalls_on_a_box_lifts_it_and_drops_it_when_it_opens(
-    name: str, time_step: float
+    name: str, time_step: float, hold: float
 ) -> None:
     scene = Scene(name, time_step)
     grasp = scene.grasp
@@ -295,15 +297,15 @@ def test_a_gripper_stalls_on_a_box_lifts_it_and_drops_it_when_it_opens(
     goal = scene.close()
     before, low = scene.box_in_finger(), scene.height()
     scene.lift()
-    scene.advance(HOLD)
+    scene.advance(hold)
     after, high = scene.box_in_finger(), scene.height()
 
     is_good = grasp.allows_stalling or grasp.is_reached
     status = ad.GoalStatus.SUCCEEDED if is_good else ad.GoalStatus.ABORTED
     assert outcome(goal) == (status, not grasp.is_reached, grasp.is_reached)
     moved = before.inverse() @ after
-    assert np.linalg.norm(moved.translation()) < CREEP
-    assert moved.rotation().ToAngleAxis().angle() < TURN
+    assert np.linalg.norm(moved.translation()) < CREEP * hold / HOLD
+    assert moved.rotation().ToAngleAxis().angle() < TURN * hold / HOLD
     if grasp.arm:
         assert high > low + 0.02
     if grasp.max_effort is not None:

@@ -2,6 +2,7 @@
 
 import functools
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -46,7 +47,11 @@ def load(control: str = "gazebo", **args: str) -> ad.Robot:
     return ad.load_robot(ROBOT, xacro_args={"control": control, **args})
 
 
-def simulate(robot: ad.Robot, **options: bool) -> ad.Simulation:
+# What controllers and drives do isn't the physics' step [s]; Gazebo's gains are.
+STEP = 5e-3
+
+
+def simulate(robot: ad.Robot, **options: Any) -> ad.Simulation:
     chosen = ad.SimulationOptions(**options)
     return ad.Simulation(ad.build_diagram(robot, world="void", options=chosen))
 
@@ -160,7 +165,7 @@ def test_higher_gains_carry_the_arm() -> None:
 
 
 def test_ros2_control_carries_the_arm_and_closes_the_gripper() -> None:
-    sim = simulate(load("ros2_control"))
+    sim = simulate(load("ros2_control"), time_step=STEP)
 
     # The goal from 5 to 7.5 s, the gripper from 10 to 12.5 s.
     sim.run(14.9, motion("trajectories"))
@@ -266,7 +271,7 @@ def test_the_classic_motion_has_the_script_s_79_poses_there_and_back() -> None:
 
 
 def test_classic_s_plugin_puts_the_arm_through_the_poses() -> None:
-    sim = simulate(load("classic"))
+    sim = simulate(load("classic"), time_step=STEP)
 
     sim.run(7.85, motion("classic"))
 

@@ -70,7 +70,7 @@ def curls() -> ad.Rollout:
 def curl(**options) -> ad.Rollout:
     motion = ad.load_motion(bundled_motions("teslabot")["air_curls"])
     sim = make_simulation(**options)
-    sim.run(31.4, motion)
+    sim.run(25.0, motion)
     return sim.rollout()
 
 
