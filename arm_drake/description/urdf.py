@@ -392,6 +392,7 @@ def _joint(element: ET.Element, file: Path, report: LoadReport) -> JointInfo:
     limit, dynamics = element.find("limit"), element.find("dynamics")
     mimic = element.find("mimic")
     try:
+        _report_lacking(limit, joint_type, reader)
         _order_limits(limit, joint_type, reader)
         _drop_negative(dynamics, reader)
         if joint_type in FREE_TYPES:
@@ -437,6 +438,21 @@ def _child_attribute(element: ET.Element, tag: str, attribute: str) -> str:
     if not value:
         raise ValueError(f'expected <{tag} {attribute}="...">')
     return value
+
+
+def _report_lacking(
+    limit: ET.Element | None, joint_type: str, reader: ElementReader
+) -> None:
+    """Record what urdfdom asks of a limit: without it ROS refuses the robot."""
+    if limit is None and joint_type in ("revolute", "prismatic"):
+        what = f"no <limit>, without which ROS takes no {joint_type} joint"
+        reader.note("warning", "missing", what, "it moves without limits")
+    if limit is None:
+        return
+    for name in ("effort", "velocity"):
+        if name not in limit.attrib:
+            what = f"<limit> without {name!r}, which ROS takes in no joint"
+            reader.note("warning", "missing", what, "taken as unset")
 
 
 def _order_limits(

@@ -485,6 +485,39 @@ def test_limits_the_wrong_way_round_are_swapped():
     assert "the lower limit 2.0 is above the upper one, 1.0; swapped" in reported
 
 
+@pytest.mark.parametrize(
+    ("joint_type", "limit", "lines"),
+    [
+        (
+            "revolute",
+            '<limit lower="1" upper="2"/>',
+            [
+                "<limit> without 'effort', which ROS takes in no joint; taken as unset",
+                "<limit> without 'velocity', which ROS takes in no joint; "
+                "taken as unset",
+            ],
+        ),
+        (
+            "prismatic",
+            "",
+            [
+                "no <limit>, without which ROS takes no prismatic joint; "
+                "it moves without limits"
+            ],
+        ),
+        ("revolute", '<limit effort="1" velocity="1"/>', []),
+        ("continuous", "", []),
+        ("fixed", "", []),
+    ],
+)
+def test_a_limit_that_ros_asks_for_is_missed(joint_type, limit, lines):
+    text = joint(type=joint_type).replace("<limit />", limit)
+
+    _, reported = report_of(LINKS + text)
+
+    assert [line for line in reported if "ROS" in line] == lines
+
+
 @pytest.mark.parametrize("name", ["damping", "friction"])
 def test_a_negative_damping_or_friction_counts_as_none(name):
     body = f'<dynamics {name}="-1"/>'
@@ -539,6 +572,6 @@ def test_limits_in_degrees_are_noticed_and_kept(limit, lines):
     robot = parse_urdf(text, FILE, PackageFinder(FILE), report)
     parse_urdf(text.replace("revolute", "prismatic"), FILE, PackageFinder(FILE), report)
 
-    found = [entry.what for entry in report if entry.where == "joint 'j'"]
+    found = [entry.what for entry in report if entry.kind == "invalid"]
     assert found == lines
     assert robot.joint("j").limits.upper == float(limit.split('"')[3])
