@@ -277,7 +277,7 @@ def _check_numbers(parent: ET.Element, file: Path, where: str) -> None:
             text = element.get(attribute)
             if element.tag != tag or text is None:
                 continue
-            found = numbers(text, file, where)
+            found = numbers(text, file, f"{where}: <{tag} {attribute}>")
             numeral = f"{count} finite numbers" if count > 1 else "a finite number"
             is_right = len(found) == count and all(map(math.isfinite, found))
             if is_right and max(map(abs, found)) > _LARGEST:
@@ -424,7 +424,9 @@ class _Shape:
         if shape.tag not in _SIZES:
             return self._drop(f"<{shape.tag}>, which is no geometry of a URDF")
         for name, count in _SIZES[shape.tag].items():
-            sizes = numbers(shape.get(name, ""), self.file, self.where)
+            sizes = numbers(
+                shape.get(name, ""), self.file, f"{self.where}: <{shape.tag} {name}>"
+            )
             if len(sizes) != count or not all(0.0 < size < math.inf for size in sizes):
                 return self._drop(f"<{shape.tag}> without a positive size")
             if not all(_SMALLEST_SIZE <= size <= _LARGEST_SIZE for size in sizes):
@@ -462,7 +464,9 @@ class _Shape:
         except PackageError as error:
             self._add(self._severity, "missing", error.problem, "the mesh is left out")
             return []
-        scale = numbers(shape.get("scale", "1 1 1"), self.file, self.where)
+        scale = numbers(
+            shape.get("scale", "1 1 1"), self.file, f"{self.where}: <mesh scale>"
+        )
         if len(scale) == 1:
             scale *= 3
         if len(scale) != 3:
