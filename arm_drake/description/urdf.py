@@ -188,8 +188,12 @@ def add_frames(text: str, frames: Frames, file: Path) -> str:
     links = [link.get("name", "") for link in root.iterfind("link")]
     joints = {joint.get("name", "") for joint in root.iterfind("joint")}
     added = ""
-    for name, (parent, pose) in frames.items():
+    for name, frame in frames.items():
         where = f"frame {name!r}"
+        if isinstance(frame, str) or len(frame) != 2:
+            problem = f"expected a link and a pose, got {frame!r}"
+            raise InputError(problem, file=file, where=where)
+        parent, pose = frame
         if not name or name in links:
             problem = "a link is called so" if name else "expected a name"
             raise InputError(problem, file=file, where=where)
