@@ -53,7 +53,7 @@ from arm_drake.description.ros2_control import (
     read_hardware,
     report_hardware,
 )
-from arm_drake.errors import DescriptionError, InputError, suggest
+from arm_drake.errors import DescriptionError, InputError, counted, suggest
 
 if TYPE_CHECKING:
     from arm_drake.description.perception_sensors import PerceptionSensor
@@ -120,6 +120,12 @@ class RobotDescription:
 
     # Folders that were searched for packages.
     package_paths: tuple[Path, ...] = dc.field(default=(), repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        """Return its name and what moves; its fields are long."""
+        joints = [joint.name for joint in self.movable_joints]
+        links = counted(len(self.links), "link")
+        return f"<RobotDescription {self.name!r}, {links}, joints {joints}>"
 
     def __eq__(self, other: object) -> bool:
         """Return whether all is the same; trees are compared as texts."""

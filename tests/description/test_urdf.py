@@ -476,6 +476,12 @@ def test_elements_may_be_nested_as_deep_as_is_said():
     assert parse(f'<link name="a"/><gazebo>{inner}</gazebo>').links == ("a",)
 
 
+def test_a_description_is_short_in_notebooks():
+    robot = parse(LINKS + joint())
+
+    assert repr(robot) == "<RobotDescription 'hand', 3 links, joints ['j']>"
+
+
 def test_limits_the_wrong_way_round_are_swapped():
     robot, reported = report_of(LINKS + joint(limit='lower="2" upper="1"'))
 
