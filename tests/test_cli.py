@@ -226,8 +226,8 @@ def test_check_reads_as_blocks_by_severity_and_file(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     urdf = (
         '<robot name="r"><link name="a"/><link name="b"/><joint name="j" '
-        'type="continuous"><parent link="a"/><child link="b"/><limit effort="0"/>'
-        "</joint></robot>"
+        'type="continuous"><parent link="a"/><child link="b"/><limit effort="0" '
+        'velocity="1"/></joint></robot>'
     )
     (tmp_path / "r.urdf").write_text(urdf)
 
