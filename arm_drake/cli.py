@@ -3,18 +3,20 @@
 import argparse
 import atexit
 import contextlib
+import difflib
 import errno
 import functools
 import gc
 import io
 import json
 import os
+import re
 import signal
 import sys
 import textwrap
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 from arm_drake.commands.arguments import (
     XACRO,
@@ -67,8 +69,31 @@ def parse_arguments(arguments: Sequence[str] | None = None) -> argparse.Namespac
             parser.error(str(error))
         options.xacro_args = [*options.xacro_args, *parsed]
     if words:
-        parser.error(f"unrecognized arguments: {' '.join(words)}")
+        _refuse(words, options)
     return options
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that says in one line what can't be used, as all else is said."""
+
+    def error(self, message: str) -> NoReturn:
+        """End the process with a message."""
+        text = f"arm-drake: {message}; `{self.prog} --help` tells more\n"
+        self.exit(_USAGE_ERROR, text)
+
+
+def _refuse(words: Sequence[str], options: argparse.Namespace) -> NoReturn:
+    """End the process for words that a command doesn't take."""
+    parser = _Parser(prog=f"arm-drake {options.command}")
+    _COMMANDS[options.command].add_arguments(parser)
+    word, close = words[0], []
+    if word.startswith("-"):
+        known = re.findall(r"--[a-z-]+", parser.format_help())
+        close = difflib.get_close_matches(word.partition("=")[0], known, 1)
+    elif "=" in word and hasattr(options, "xacro_args"):
+        close = [word.replace("=", XACRO, 1)]
+    hint = f"; did you mean {close[0]!r}?" if close else ""
+    parser.error(f"unrecognized arguments: {' '.join(words)}{hint}")
 
 
 class _Version(argparse.Action):
@@ -83,7 +108,7 @@ class _Version(argparse.Action):
 
 def make_parser() -> argparse.ArgumentParser:
     """Return what parses the command line, but for xacro arguments after options."""
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="arm-drake",
         description="ROS 2 robot packages in Drake: the same files, no ROS.",
     )

@@ -5,7 +5,8 @@ import dataclasses as dc
 import math
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from numbers import Integral
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -37,7 +38,7 @@ from arm_drake.description.urdf import (
     parse_urdf,
 )
 from arm_drake.description.xacro import expand_xacro, read_sources
-from arm_drake.errors import DescriptionError, InputError, suggest
+from arm_drake.errors import DescriptionError, InputError, check_type, suggest
 from arm_drake.hardware.drives import check_model
 from arm_drake.hardware.mobile_bases import RobotBases
 from arm_drake.manager.hardware_interfaces import find_hardware_interfaces
@@ -137,6 +138,7 @@ def _load(
     arguments: Mapping[str, Any], controller_types: Mapping[str, ControllerType] | None
 ) -> Robot:
     """Load by the arguments of `load_robot`, stage by stage."""
+    _check_types(arguments)
     folders, distro, name = (
         arguments["package_paths"],
         arguments["distro"],
@@ -153,6 +155,39 @@ def _load(
     if arguments["strict"] and len(robot.report):
         raise InputError(f"not everything was taken as written:\n{robot.report}")
     return robot
+
+
+_PATH = (str, os.PathLike)
+# Arguments of load_robot that are no paths, and what each must be if it is given.
+_EXPECTED: Mapping[str, tuple[Any, str]] = {
+    "source": (_PATH, "a name, a path or the text of a URDF"),
+    "distro": (str, "a name"),
+    "name": (str, "a name"),
+    "pose": (Iterable, "x, y, z [m], roll, pitch, yaw [rad]"),
+    "max_faces": (Integral, "an integer"),
+    "xacro_args": (Mapping, "values by name"),
+    "variables": (Mapping, "values by name"),
+    "initial_positions": (Mapping, "positions by joint [rad] or [m]"),
+    "frames": (Mapping, "a link and a pose by name"),
+}
+_NEEDED = ("source", "distro", "package_paths")
+
+
+def _check_types(arguments: Mapping[str, Any]) -> None:
+    """Raise InputError for arguments that aren't of the type they are to be."""
+    given = {
+        name: value
+        for name, value in arguments.items()
+        if value is not None or name in _NEEDED
+    }
+    for name in given.keys() & _EXPECTED:
+        check_type(name, given[name], *_EXPECTED[name])
+    for name in given.keys() & {"controllers", "package_paths", "srdf"}:
+        value, expected = given[name], "a path or a list of paths"
+        if not isinstance(value, _PATH):
+            check_type(name, value, Sequence, expected)
+            for path in value:
+                check_type(name, path, _PATH, expected)
 
 
 class _Loading(NamedTuple):

@@ -214,8 +214,8 @@ BAD_PARAMETERS = [
     (
         "pid",
         "gains: {j3: {p: 1.0, i_clamp_max: -1.0}}",
-        ": pid: i_clamp_min and i_clamp_max must have 0 between them, got -inf and "
-        "-1.0",
+        ": pid: gains.j3.i_clamp_min and i_clamp_max must have 0 between them, got "
+        "-inf and -1.0",
     ),
     ("group", "joints: {a: 1}", ": group.joints: is required but missing"),
 ]

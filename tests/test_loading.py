@@ -15,7 +15,7 @@ from pydrake.multibody.parsing import Parser
 import arm_drake as ad
 from arm_drake.description import entry
 from arm_drake.description.entry import bundled_robots, configs_folder, models_folder
-from arm_drake.errors import ArmDrakeError
+from arm_drake.errors import ArmDrakeError, InputError
 from arm_drake.plant import plant as plant_module
 from tests.models import TWO_LINKS, load, trajectory_controllers
 
@@ -325,6 +325,34 @@ def test_a_package_path_that_isnt_there_is_an_error():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("source", 3, "a name, a path or the text of a URDF"),
+        ("source", None, "a name, a path or the text of a URDF"),
+        ("controllers", 3, "a path or a list of paths"),
+        ("srdf", [3], "a path or a list of paths"),
+        ("package_paths", None, "a path or a list of paths"),
+        ("xacro_args", ["a:=1"], "values by name"),
+        ("variables", "a=1", "values by name"),
+        ("initial_positions", [0.0], "positions by joint [rad] or [m]"),
+        ("frames", ["tcp"], "a link and a pose by name"),
+        ("distro", None, "a name"),
+        ("name", 3, "a name"),
+        ("pose", 1.0, "x, y, z [m], roll, pitch, yaw [rad]"),
+        ("max_faces", "all", "an integer"),
+    ],
+)
+def test_an_argument_of_another_type_is_named(name, value, expected):
+    arguments = {"source": "doosan_a0912", name: value}
+
+    with pytest.raises(InputError) as caught:
+        ad.load_robot(**arguments)
+
+    got = value[0] if name == "srdf" else value
+    assert str(caught.value) == f"{name}: expected {expected}, got {got!r}"
+
+
 @pytest.mark.parametrize("distro", ["humble", "kilted", "rolling"])
 def test_a_known_distro_is_kept_and_reported(distro):
     robot = ad.load_robot("doosan_a0912", distro=distro)
@@ -873,6 +901,7 @@ def test_a_frame_is_where_its_link_has_it(tmp_path):
         ({"tool": ("b", (0,) * 6)}, "frame 'tool': no link 'b'; known: a, world"),
         ({"a": ("world", (0,) * 6)}, "frame 'a': a link is called so"),
         ({"": ("a", (0,) * 6)}, "frame '': expected a name"),
+        ({"tool": "a"}, "frame 'tool': expected a link and a pose, got 'a'"),
         ({"tool": ("a", (0, 0, 1))}, "expected x, y, z .* got .0, 0, 1"),
         ({"tool": ("a", (0, 0, math.nan, 0, 0, 0))}, "expected x, y, z .*nan"),
     ],

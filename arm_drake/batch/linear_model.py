@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from arm_drake.arrays import Array
-from arm_drake.errors import InputError, MissingExtraError, suggest
+from arm_drake.errors import InputError, MissingExtraError, counted, suggest
 
 # An eigenvalue that is smaller is of what ends within a period.
 _ENDED = 1e-4
@@ -89,6 +89,12 @@ class LinearModel:
     # By joint of `commanded`: the largest step of its command [rad, m] whose response
     # is that of the model within `region_tolerance` of its height; empty if not asked.
     region: Mapping[str, float] = dc.field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """Return its joints, how large it is, and whether it is stable."""
+        size = f"{counted(len(self.states), 'state')}, {self.period:g} s a tick"
+        kind = "stable" if self.is_stable else "unstable"
+        return f"<LinearModel, joints {[*self.joints]}, {size}, {kind}>"
 
     @property
     def poles(self) -> list[Pole]:

@@ -224,11 +224,11 @@ def report_of(simulation: Simulation) -> LoadReport:
     return LoadReport(dict.fromkeys(e for m in managers for e in m.report))
 
 
-def say_report(report: LoadReport, *, strict: bool, is_grouped: bool = False) -> None:
+def say_report(report: LoadReport, *, strict: bool) -> None:
     """Print what was not taken as written, or raise InputError for it if `strict`."""
     if strict and len(report):
         raise InputError(f"not everything was taken as written:\n{report}")
-    for entry in report.grouped() if is_grouped else report:
+    for entry in report.grouped():
         if entry.severity != "info":
             print(entry, file=sys.stderr)
 

@@ -210,7 +210,7 @@ def simulate(options: argparse.Namespace, scene: Scene | Robot) -> int:
 
 def _check_words(options: argparse.Namespace) -> None:
     """Raise InputError for what doesn't go together, or can't be written."""
-    for word in ("wait", "hold", "open", "paused", "curve", "keyboard"):
+    for word in ("wait", "hold", "open", "port", "paused", "curve", "keyboard"):
         if options.headless and getattr(options, word):
             text = f"--{word} is for the page, and with --headless there is none"
             raise InputError(text)

@@ -50,7 +50,7 @@ def view(options: argparse.Namespace, load: LoadRobot) -> int:
     if positions:
         robot = load(positions)
     ghost = read_positions(options.ghost, robot.description, "--ghost")
-    say_report(robot.report, strict=options.strict, is_grouped=True)
+    say_report(robot.report, strict=options.strict)
     use_native_logging()
     # What was loaded is shown; only when files change it is loaded again.
     loaded = [robot]

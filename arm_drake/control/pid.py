@@ -475,12 +475,15 @@ class PidGains:
                 "antiwindup", {"antiwindup_strategy": "legacy", "antiwindup": value}
             )
 
-    def check(self) -> None:
-        """Raise ValueError if no PID can have these gains."""
-        check_finite(self, "p", "i", "d")
-        fault = find_fault(self)
+    def check(self, name: str) -> None:
+        """Raise ValueError if no PID can have these gains, with their name."""
+        try:
+            check_finite(self, "p", "i", "d")
+            fault = find_fault(self)
+        except ValueError as error:
+            fault = str(error)
         if fault:
-            raise ValueError(fault)
+            raise ValueError(f"{name}.{fault}")
 
 
 def adapt_saturation(params: ParameterGroup) -> None:

@@ -137,8 +137,8 @@ class PidControllerParameters:
                 f"reference_and_state_dof_names must be as many as dof_names, "
                 f"got {list(self.reference_and_state_dof_names)}"
             )
-        for gains in self.gains.dof.values():
-            gains.check()
+        for dof, gains in self.gains.dof.items():
+            gains.check(f"gains.{dof}")
 
 
 Mask = NDArray[np.bool_]

@@ -6,6 +6,7 @@ controller that has a type.
 """
 
 import dataclasses as dc
+import difflib
 import os
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -248,6 +249,10 @@ class Nodes:
                 )
         return parameters
 
+    def has_section(self, name: str) -> bool:
+        """Return whether a section is about nodes of a name."""
+        return name in self._named
+
     def typed(self, namespace: str) -> list[str]:
         """Return the names of the nodes that sections of their own give a type."""
         is_first = namespace == self._namespaces[0]
@@ -409,7 +414,12 @@ class ManagedControllers:
         self._report = report
         self.settings = load_manager_parameters(self.parameters, self.node, report)
         groups = (key.partition(".") for key in self.parameters)
-        listed = [group for group, _, rest in groups if rest in CONTROLLER_KEYS]
+        listed = [
+            group
+            for group, _, rest in groups
+            if rest in CONTROLLER_KEYS
+            or (rest and not is_managers(group) and nodes.has_section(group))
+        ]
         self._names = tuple(dict.fromkeys(listed + nodes.typed(namespace)))
         loaded = {name: self._load(name) for name in self._names}
         known = {n: c for n, c in loaded.items() if c is not None}
@@ -446,10 +456,7 @@ class ManagedControllers:
         parameters = {k: p for k, p in own.items() if not self._is_own(k, p)}
         type_, where = self._choose(name, "type", parameters.pop("type", None))
         if type_ is None:
-            start = f"{name}."
-            members = (p for k, p in self.parameters.items() if k.startswith(start))
-            what, where = "no 'type' is given", f"{self.node}.{name}"
-            self._note(where, next(members), what, "warning", "it is not spawned")
+            self._report_untyped(name)
             return None
         if not isinstance(type_.value, str):
             what = f"expected a controller type, got {type_.value!r}"
@@ -467,6 +474,20 @@ class ManagedControllers:
             type_.line,
             problem=problem,
         )
+
+    def _report_untyped(self, name: str) -> None:
+        """Report a controller without a type, which a spawner may bring along."""
+        start = f"{name}."
+        members = {
+            key.removeprefix(start): parameter
+            for key, parameter in self.parameters.items()
+            if key.startswith(start)
+        }
+        severity: Severity = "warning"
+        what, at = "no 'type' is given", next(iter(members.values()))
+        for key in difflib.get_close_matches("type", members, 1):
+            severity, what, at = "error", f"{what}, but {key!r}", members[key]
+        self._note(f"{self.node}.{name}", at, what, severity, "it is not spawned")
 
     def _choose(
         self, name: str, key: str, own: Parameter | None

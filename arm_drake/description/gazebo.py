@@ -156,6 +156,7 @@ def report_gazebo(
 ) -> None:
     """Report the content of `<gazebo>` tags that has no effect, in two lines.
 
+    Friction of what is no link, which would have one, has a line of its own.
     `sensors` are those that measure; `sees` says whether some are cameras or lidars.
     """
     holders = {f"sensor {name!r}" for name in sensors}
@@ -183,6 +184,13 @@ def report_gazebo(
         if names:
             what = f"{sort} {names}"
             report.add("info", "ignored", what, "they have no effect", file=file)
+    links = [attribute(link, "name") for link in root.iterfind("link")]
+    for gazebo in root.iterfind("gazebo"):
+        reference = attribute(gazebo, "reference")
+        if gazebo.find("mu1") is not None and reference not in links:
+            what = f"<mu1> of {reference!r}, which is no link; "
+            what += suggest(reference, links)
+            report.add("warning", "ignored", what, "it has no effect", file=file)
 
 
 def _sensor_type(element: ET.Element) -> str:

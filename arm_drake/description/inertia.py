@@ -27,6 +27,7 @@ from arm_drake.description.links import (
     read_origin,
 )
 from arm_drake.description.report import LoadReport, Severity
+from arm_drake.errors import quoted
 
 Array = NDArray[Any]
 
@@ -427,6 +428,12 @@ class _Repair:
                 what = "an inertia without mass"
                 self._add(name, what, "it is taken as massless")
             return nothing
+        given = element.find("inertia")
+        lacking = [n for n, _, _ in _PLACES if given is None or n not in given.attrib]
+        if lacking:
+            part = "" if given is None else f" {quoted(lacking)} of its"
+            what = f"no{part} <inertia>, without which ROS takes no mass"
+            self._add(name, what, "taken as 0")
         if not np.isfinite(inertia).all():
             inertia = self._estimate(name, link, element, mass, "no finite inertia")
         elif not is_physical(inertia):

@@ -274,9 +274,20 @@ def load_parameters(
                 what = "a simulation has no threads"
                 node_parameters.add(name, "info", "ignored", what, "it has no effect")
             continue
-        what = f"unknown parameter{_closest(name, loader.known)}"
+        value = node_parameters.by_name[name].value
+        what = _explain_unknown(name, value, loader.known)
         node_parameters.add(name, "warning", "ignored", what, "it has no effect")
     return result
+
+
+def _explain_unknown(name: str, value: Any, known: set[str]) -> str:
+    """Return what is wrong with a parameter that no schema has."""
+    start = f"{name}."
+    below = [key.removeprefix(start) for key in known if key.startswith(start)]
+    keys = {key.partition(".")[0] for key in below}
+    if keys:
+        return f"expected a mapping of {', '.join(sorted(keys))}, got {value!r}"
+    return f"unknown parameter{_closest(name, known)}"
 
 
 def _closest(name: str, known: set[str]) -> str:

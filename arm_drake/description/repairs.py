@@ -10,12 +10,15 @@ kind of change is recorded once. What bodies weigh is in `inertia`.
 import collections
 import copy
 import dataclasses as dc
+import difflib
+import functools
 import itertools
 import math
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 from arm_drake.description.elements import numbers
 from arm_drake.description.inertia import repair_inertials
@@ -78,25 +81,40 @@ _MEANINGS = {
 
 _NOTHING = "it has no effect"
 
-# Paths of tags, and an attribute or "", with how often they were found.
-_Ignored = collections.Counter[tuple[str, str]]
+# So much alike are a word and the one that was meant: "val" and "value" just so.
+_MISSPELT = 0.75
+
+
+class _Ignored(NamedTuple):
+    """A kind of thing that isn't read."""
+
+    # Path of a tag, and an attribute or "".
+    path: str
+    attribute: str
+
+    # What it seems to be meant for, and the link or joint that it is in; else "".
+    meant: str = ""
+    where: str = ""
 
 
 def clean(root: ET.Element, file: Path, report: LoadReport) -> None:
     """Remove from a URDF what isn't read, and record each kind of thing once."""
-    ignored: _Ignored = collections.Counter()
+    found: collections.Counter[_Ignored] = collections.Counter()
     for child in list(root):
-        _clean(root, child, "", ignored)
-    for (path, attribute), count in ignored.items():
+        name = child.get("name")
+        where = "" if name is None else f"{child.tag} {name!r}"
+        for ignored in _clean(root, child, ""):
+            found[ignored._replace(where=where) if ignored.meant else ignored] += 1
+    for (path, attribute, meant, where), count in found.items():
         what = f"<{path} {attribute}=...>" if attribute else f"<{path}>"
-        times = "" if count == 1 else f", {count} times"
-        done = _MEANINGS.get(path) if not attribute else None
-        report.add("info", "ignored", f"{what}{times}", done or _NOTHING, file=file)
+        what += "" if count == 1 else f", {count} times"
+        what += f"; did you mean {meant}?" if meant else ""
+        severity: Severity = "warning" if meant else "info"
+        done = (_MEANINGS.get(path) if not attribute else None) or _NOTHING
+        report.add(severity, "ignored", what, done, where=where, file=file)
 
 
-def _clean(
-    parent: ET.Element, element: ET.Element, above: str, ignored: _Ignored
-) -> None:
+def _clean(parent: ET.Element, element: ET.Element, above: str) -> Iterator[_Ignored]:
     if not isinstance(element.tag, str):  # A comment.
         return
     path = f"{above}/{element.tag}" if above else element.tag
@@ -104,7 +122,7 @@ def _clean(
     if path not in _READ and not is_shape:
         parent.remove(element)
         if path not in _OTHERS:
-            ignored[path, ""] += 1
+            yield _Ignored(path, "", _meant_tag(path))
         return
     if element.get("name") == "" and above == "link":
         del element.attrib["name"]  # Drake takes no empty one.
@@ -112,9 +130,23 @@ def _clean(
         if path in _READ and name not in _READ[path]:
             del element.attrib[name]
             if not name.startswith("{"):  # Of another name space.
-                ignored[path, name] += 1
+                lacking = [
+                    other for other in _READ[path] if other not in element.attrib
+                ]
+                close = difflib.get_close_matches(name, lacking, 1, _MISSPELT)
+                yield _Ignored(path, name, repr(close[0]) if close else "")
     for child in list(element):
-        _clean(element, child, path, ignored)
+        yield from _clean(element, child, path)
+
+
+@functools.cache
+def _meant_tag(path: str) -> str:
+    """Return the tag that one that isn't read seems to be meant for, or ""."""
+    above, _, tag = path.rpartition("/")
+    known = [each.rpartition("/") for each in (*_READ, *_OTHERS, *_MEANINGS)]
+    tags = [other for parent, _, other in known if parent == above]
+    close = difflib.get_close_matches(tag, tags, 1, _MISSPELT)
+    return f"<{close[0]}>" if close and path not in _MEANINGS else ""
 
 
 def repair_materials(
@@ -245,7 +277,7 @@ def _check_numbers(parent: ET.Element, file: Path, where: str) -> None:
             text = element.get(attribute)
             if element.tag != tag or text is None:
                 continue
-            found = numbers(text, file, where)
+            found = numbers(text, file, f"{where}: <{tag} {attribute}>")
             numeral = f"{count} finite numbers" if count > 1 else "a finite number"
             is_right = len(found) == count and all(map(math.isfinite, found))
             if is_right and max(map(abs, found)) > _LARGEST:
@@ -392,7 +424,9 @@ class _Shape:
         if shape.tag not in _SIZES:
             return self._drop(f"<{shape.tag}>, which is no geometry of a URDF")
         for name, count in _SIZES[shape.tag].items():
-            sizes = numbers(shape.get(name, ""), self.file, self.where)
+            sizes = numbers(
+                shape.get(name, ""), self.file, f"{self.where}: <{shape.tag} {name}>"
+            )
             if len(sizes) != count or not all(0.0 < size < math.inf for size in sizes):
                 return self._drop(f"<{shape.tag}> without a positive size")
             if not all(_SMALLEST_SIZE <= size <= _LARGEST_SIZE for size in sizes):
@@ -430,7 +464,9 @@ class _Shape:
         except PackageError as error:
             self._add(self._severity, "missing", error.problem, "the mesh is left out")
             return []
-        scale = numbers(shape.get("scale", "1 1 1"), self.file, self.where)
+        scale = numbers(
+            shape.get("scale", "1 1 1"), self.file, f"{self.where}: <mesh scale>"
+        )
         if len(scale) == 1:
             scale *= 3
         if len(scale) != 3:

@@ -7,6 +7,7 @@ left out.
 """
 
 import dataclasses as dc
+import difflib
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -227,6 +228,11 @@ _BLOCK_ATTRIBUTES = ("name", "type", "rw_rate", "is_async", "thread_priority")
 _BLOCK_CHILDREN = ("hardware", "properties", "joint", "sensor", "gpio", "transmission")
 _INTERFACES = ("command_interface", "state_interface")
 
+# Parameters of an interface that are read; drivers have others. So much alike is what
+# was meant to be one.
+_NUMBERS = ("min", "max", "initial_value")
+_MISSPELT = 0.8
+
 # Command interfaces of Gazebo Classic, and the names under which it offers them.
 _PID_INTERFACES = {"position_pid": "position", "velocity_pid": "velocity"}
 
@@ -381,6 +387,11 @@ class _BlockReader(ElementReader):
         inside = f"{where}, {element.tag} {name!r}"
         self.check(element, ["name", "data_type", "size"], ["param", "limits"], inside)
         parameters = self.parameters(element, inside)
+        for key in parameters if is_numeric else ():
+            close = difflib.get_close_matches(key, _NUMBERS, 1, _MISSPELT)
+            for meant in close if key not in _NUMBERS else ():
+                what = f"<param> {key!r}; did you mean {meant!r}?"
+                self.note("warning", "ignored", what, "it has no effect", inside)
         if is_numeric:
             low, high = (
                 self.number(parameters.get(key), f"{name}, {key}", where)
@@ -391,8 +402,7 @@ class _BlockReader(ElementReader):
             )
         else:
             low, high, initial = (
-                parse_number(parameters.get(key, ""))
-                for key in ("min", "max", "initial_value")
+                parse_number(parameters.get(key, "")) for key in _NUMBERS
             )
         if low is not None and high is not None and low > high:
             what = f"{name}: min {low} is above max {high}"

@@ -448,17 +448,14 @@ class _File:
         """Add a section; rcl keeps one for a name, at its first place in the file."""
         if not path:
             self._warn(key, "", "it has no node name", "it is taken for every node")
-        flat: dict[str, Parameter] = {}
+        node, line = path or "/**", key.start_mark.line + 1
+        section = self._sections.setdefault(node, Section(node, {}, self._file, line))
         if isinstance(value, yaml.MappingNode):
-            self._flatten(value, "", flat, path)
+            self._flatten(value, "", section.parameters, path)
         elif _is_empty(value):
             self._warn(key, path, "it has no parameters", "defaults are used")
         else:
             raise self._misplaced(value, "a mapping of parameters", path)
-        node = path or "/**"
-        line = key.start_mark.line + 1
-        section = self._sections.setdefault(node, Section(node, {}, self._file, line))
-        section.parameters.update(flat)
 
     def _flatten(
         self, node: yaml.Node, name: str, flat: dict[str, Parameter], path: str

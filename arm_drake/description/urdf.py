@@ -53,7 +53,7 @@ from arm_drake.description.ros2_control import (
     read_hardware,
     report_hardware,
 )
-from arm_drake.errors import DescriptionError, InputError, suggest
+from arm_drake.errors import DescriptionError, InputError, counted, suggest
 
 if TYPE_CHECKING:
     from arm_drake.description.perception_sensors import PerceptionSensor
@@ -120,6 +120,12 @@ class RobotDescription:
 
     # Folders that were searched for packages.
     package_paths: tuple[Path, ...] = dc.field(default=(), repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        """Return its name and what moves; its fields are long."""
+        joints = [joint.name for joint in self.movable_joints]
+        links = counted(len(self.links), "link")
+        return f"<RobotDescription {self.name!r}, {links}, joints {joints}>"
 
     def __eq__(self, other: object) -> bool:
         """Return whether all is the same; trees are compared as texts."""
@@ -188,8 +194,12 @@ def add_frames(text: str, frames: Frames, file: Path) -> str:
     links = [link.get("name", "") for link in root.iterfind("link")]
     joints = {joint.get("name", "") for joint in root.iterfind("joint")}
     added = ""
-    for name, (parent, pose) in frames.items():
+    for name, frame in frames.items():
         where = f"frame {name!r}"
+        if isinstance(frame, str) or len(frame) != 2:
+            problem = f"expected a link and a pose, got {frame!r}"
+            raise InputError(problem, file=file, where=where)
+        parent, pose = frame
         if not name or name in links:
             problem = "a link is called so" if name else "expected a name"
             raise InputError(problem, file=file, where=where)
@@ -392,6 +402,7 @@ def _joint(element: ET.Element, file: Path, report: LoadReport) -> JointInfo:
     limit, dynamics = element.find("limit"), element.find("dynamics")
     mimic = element.find("mimic")
     try:
+        _report_lacking(limit, joint_type, reader)
         _order_limits(limit, joint_type, reader)
         _drop_negative(dynamics, reader)
         if joint_type in FREE_TYPES:
@@ -437,6 +448,21 @@ def _child_attribute(element: ET.Element, tag: str, attribute: str) -> str:
     if not value:
         raise ValueError(f'expected <{tag} {attribute}="...">')
     return value
+
+
+def _report_lacking(
+    limit: ET.Element | None, joint_type: str, reader: ElementReader
+) -> None:
+    """Record what urdfdom asks of a limit: without it ROS refuses the robot."""
+    if limit is None and joint_type in ("revolute", "prismatic"):
+        what = f"no <limit>, without which ROS takes no {joint_type} joint"
+        reader.note("warning", "missing", what, "it moves without limits")
+    if limit is None:
+        return
+    for name in ("effort", "velocity"):
+        if name not in limit.attrib:
+            what = f"<limit> without {name!r}, which ROS takes in no joint"
+            reader.note("warning", "missing", what, "taken as unset")
 
 
 def _order_limits(

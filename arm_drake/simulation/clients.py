@@ -88,6 +88,10 @@ class ControllerHandle:
         self._system, self._type = system, type_
         self._topics = ControllerTopics(name, type_, system)
 
+    def __repr__(self) -> str:
+        """Return which controller it is for."""
+        return f"<ControllerHandle {self.name!r} of type {self._type!r}>"
+
     def check(self, message: StepMessage) -> None:
         """Raise InputError if the controller takes no such message.
 

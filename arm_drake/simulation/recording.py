@@ -25,10 +25,11 @@ from arm_drake.messages import (
     ActionRequest,
     FollowJointTrajectoryResult,
     GoalStatus,
+    Header,
     JointState,
     Message,
 )
-from arm_drake.messages.base import stamp_of
+from arm_drake.messages.base import NANOSECONDS, stamp_of
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.contact import CONTACT_LOG, Shape
 from arm_drake.plant.initial_poses import read_free_poses
@@ -111,6 +112,7 @@ def read_joint_states(
     port = diagram.GetOutputPort(f"{manager.prefix}joint_states")
     values = port.Eval(context).reshape(3, -1)
     return JointState(
+        header=Header.from_nanoseconds(round(context.get_time() * NANOSECONDS)),
         name=tuple(j.name for j in manager.robot.description.movable_joints),
         position=tuple(values[0].tolist()),
         velocity=tuple(values[1].tolist()),

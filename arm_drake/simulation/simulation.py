@@ -316,6 +316,10 @@ class Simulation:
         # What was played, in order.
         self.motions: list[Motion] = []
 
+    def __repr__(self) -> str:
+        """Return its robots and its time."""
+        return f"<Simulation, robots {[*self.directory.managers]}, {self.time:g} s>"
+
     @property
     def time(self) -> float:
         """Simulated time [s]."""

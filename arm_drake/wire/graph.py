@@ -29,8 +29,6 @@ from arm_drake.messages import (
     FollowJointTrajectoryGoal,
     Goal,
     GripperCommandGoal,
-    Header,
-    JointState,
     Message,
     ParallelGripperCommandGoal,
     ResetOdometry,
@@ -633,16 +631,8 @@ def _robot_topics(
             f"{namespace}{JOINT_STATES}",
             "sensor_msgs/msg/JointState",
             publisher=SIMULATOR,
-            read=lambda context: _read_joints(simulation, manager, context),
+            read=lambda c: read_joint_states(simulation.diagram, c, manager),
         )
-
-
-def _read_joints(
-    simulation: Simulation, manager: ControllerManager, context: Context
-) -> JointState:
-    joints = read_joint_states(simulation.diagram, context, manager)
-    time_ns = round(context.get_time() * NANOSECONDS)
-    return dc.replace(joints, header=Header.from_nanoseconds(time_ns))
 
 
 class RobotFrames:

@@ -54,6 +54,12 @@ def model(lift) -> ad.LinearModel:
     return ad.linearize(lift, options=WEIGHTLESS, region_tolerance=0.01)
 
 
+def test_a_model_is_short_in_notebooks(model) -> None:
+    size = f"{len(model.states)} states, 0.01 s a tick"
+
+    assert repr(model) == f"<LinearModel, joints {[*model.joints]}, {size}, stable>"
+
+
 def test_poles_of_a_pid_are_those_of_its_closed_form(model) -> None:
     expected = np.linalg.eigvals(PLANT - PUSH @ GAINS)
 

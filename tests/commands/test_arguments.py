@@ -61,18 +61,35 @@ def test_one_command_line_leaves_nothing_for_the_next():
     ("words", "message"),
     [
         ("check r --json other", "unrecognized arguments: other"),
-        ("check r --jsn a:=1", "unrecognized arguments: --jsn"),
+        (
+            "check r --jsn a:=1",
+            "unrecognized arguments: --jsn; did you mean '--json'?",
+        ),
+        (
+            "sim r --durtion=3",
+            "unrecognized arguments: --durtion=3; did you mean '--duration'?",
+        ),
+        (
+            "check r --json a=b=1",
+            "unrecognized arguments: a=b=1; did you mean 'a:=b=1'?",
+        ),
         ("check r a:=1 --json -x:=1 b", "unrecognized arguments: -x:=1 b"),
         ("check r --json :=1", "expected NAME:=VALUE, got ':=1'"),
         ("list a:=1", "unrecognized arguments: a:=1"),
+        (
+            "sim r --duration -1",
+            "argument --duration: expected a positive number, got '-1'",
+        ),
     ],
 )
-def test_other_words_are_refused(capsys, words, message):
+def test_other_words_are_refused_in_one_line(capsys, words, message):
     with pytest.raises(SystemExit) as stop:
         parse_arguments(words.split())
 
     assert stop.value.code == 2
-    assert capsys.readouterr().err.endswith(f"error: {message}\n")
+    err = capsys.readouterr().err
+    program = "arm-drake" if ":=1'" in message else f"arm-drake {words.split()[0]}"
+    assert err == (f"arm-drake: {message}; `{program} --help` tells more\n")
 
 
 def test_the_options_that_the_docs_name_exist():

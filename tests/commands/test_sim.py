@@ -9,6 +9,7 @@ from matplotlib.image import imread
 
 import arm_drake as ad
 from arm_drake.cli import main
+from arm_drake.commands.output import say_report
 from tests import models
 from tests.test_schemas import validator
 
@@ -31,6 +32,21 @@ def scene(tmp_path: Path) -> Path:
 
 def sim(*words: object) -> int:
     return main(["sim", *map(str, words), "--headless", "--duration", "0.1"])
+
+
+def test_what_is_found_in_many_places_is_one_line(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    report = ad.LoadReport()
+    what, done = "damping -1 is negative", "taken as 0"
+    for name in "ab":
+        report.add("warning", "repair", what, done, where=f"joint {name!r}", file="r")
+
+    say_report(report, strict=False)
+
+    assert capsys.readouterr().err == (
+        f"warning: r: joint 'a', joint 'b': {what}; {done}\n"
+    )
 
 
 @pytest.mark.slow

@@ -132,22 +132,23 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
         for parameters, message in (
             (
                 {"gains.a.u_clamp_max": -1.0, "gains.a.u_clamp_min": 1.0},
-                "u_clamp_min must be below u_clamp_max, got 1.0 and -1.0",
+                "gains.a.u_clamp_min must be below u_clamp_max, got 1.0 and -1.0",
             ),
             (
                 {"gains.a.u_clamp_max": 1.0, "gains.a.u_clamp_min": 1.0},
-                "u_clamp_min must be below u_clamp_max, got 1.0 and 1.0",
+                "gains.a.u_clamp_min must be below u_clamp_max, got 1.0 and 1.0",
             ),
             (
                 {"gains.a.i_clamp_min": 1.0},
-                "i_clamp_min and i_clamp_max must have 0 between them, got 1.0 and inf",
+                "gains.a.i_clamp_min and i_clamp_max must have 0 between them, got 1.0 "
+                "and inf",
             ),
             (
                 {
                     "gains.a.antiwindup_strategy": "back_calculation",
                     "gains.a.tracking_time_constant": -1.0,
                 },
-                "tracking_time_constant must be at least 0, got -1.0",
+                "gains.a.tracking_time_constant must be at least 0, got -1.0",
             ),
         )
     ),
@@ -216,7 +217,7 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
     (
         PID,
         {"gains.b.u_clamp_max": -1.0, "gains.b.u_clamp_min": 1.0},
-        "u_clamp_min must be below u_clamp_max, got 1.0 and -1.0",
+        "gains.b.u_clamp_min must be below u_clamp_max, got 1.0 and -1.0",
     ),
     (DIFF_DRIVE, {"left_wheel_names": []}, f"left_wheel_names {ONE}"),
     (DIFF_DRIVE, {"right_wheel_names": []}, f"right_wheel_names {ONE}"),

@@ -80,6 +80,35 @@ def test_what_drake_does_not_read_is_removed_and_said_once(body, text, line):
     assert lines[0].startswith(line)
 
 
+def test_what_is_beside_the_right_word_is_not_misspelt():
+    _, lines = cleaned('<joint><limit velocity="1" gear_velocity="2"/></joint>')
+
+    assert lines == ["<joint/limit gear_velocity=...>; it has no effect"]
+
+
+@pytest.mark.parametrize(
+    ("body", "line"),
+    [
+        (
+            '<joint name="j"><orign xyz="0 0 1"/></joint>',
+            "joint 'j': <joint/orign>; did you mean <origin>?",
+        ),
+        (
+            '<link name="a"><inertial><mass val="1"/></inertial></link>',
+            "link 'a': <link/inertial/mass val=...>; did you mean 'value'?",
+        ),
+        ('<jiont name="j"/>', "jiont 'j': <jiont>; did you mean <joint>?"),
+        ("<ros2_contol/>" * 2, "<ros2_contol>, 2 times; did you mean <ros2_control>?"),
+    ],
+)
+def test_what_seems_misspelt_is_a_warning_with_its_place(body, line):
+    report = LoadReport()
+
+    clean(ET.fromstring(f"<robot>{body}</robot>"), FILE, report)  # noqa: S314
+
+    assert [*map(str, report)] == [f"warning: arm.urdf: {line}; it has no effect"]
+
+
 def test_a_geometry_is_left_to_its_own_repair():
     text, lines = cleaned(
         "<link><visual><geometry><cone a='1'/></geometry></visual></link>"

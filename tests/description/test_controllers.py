@@ -912,6 +912,20 @@ def test_a_controller_without_a_type_is_not_spawned(load):
     ]
 
 
+def test_a_misspelt_type_is_one_error_where_it_is(load):
+    config, lines = load(
+        f"{MANAGER}    leg:\n      typ: a/A\nleg: {{ros__parameters: {{x: 1}}}}\n"
+    )
+
+    assert [c.name for c in config.controllers] == ["arm"]
+    assert lines == [
+        "error: 0.yaml:6: controller_manager.leg: no 'type' is given, but 'typ'; "
+        "it is not spawned",
+        "info: 0.yaml:6: controller_manager.leg: typ: a controller's parameters stand "
+        "in its own section; it has no effect",
+    ]
+
+
 def test_a_type_without_a_value_is_not_given(load):
     config, lines = load(f"{MANAGER}    leg:\n      type:\n")
 

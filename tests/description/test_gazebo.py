@@ -128,6 +128,7 @@ def test_a_plugin_is_known_by_its_library_or_class(filename, name, kind):
 
 def test_what_has_no_effect_is_reported_by_sort_with_its_count():
     lines = lines_of(
+        "<link name='a'/>"
         "<gazebo reference='a'><material>Red</material><mu1>1</mu1><mu2>1</mu2>"
         "<sensor type='camera'><plugin filename='libcam.so'/></sensor></gazebo>"
         "<gazebo reference='b'><material>Blue</material>"
@@ -153,4 +154,16 @@ def test_plugins_that_are_simulated_need_no_line():
     assert lines_of(f"<gazebo>{simulated}</gazebo>") == []
     assert lines_of(f"<gazebo>{simulated}{other}</gazebo>") == [
         "info: arm.urdf: Gazebo plugins 'gz-sim-buoyancy-system'; they have no effect"
+    ]
+
+
+def test_friction_of_what_is_no_link_is_reported():
+    lines = lines_of(
+        '<link name="arm"/><gazebo reference="arm"><mu1>0.2</mu1></gazebo>'
+        '<gazebo reference="armm"><mu1>0.2</mu1></gazebo>'
+    )
+
+    assert lines == [
+        "warning: arm.urdf: <mu1> of 'armm', which is no link; did you mean 'arm'? "
+        "known: arm; it has no effect"
     ]

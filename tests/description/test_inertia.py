@@ -328,6 +328,21 @@ def test_an_inertia_without_mass_goes(repair, simulate, text):
     simulate(root)
 
 
+@pytest.mark.parametrize(
+    ("inertia", "lacks"),
+    [
+        ('<inertia ixx="1" iyy="1" ixy="0" ixz="0" iyz="0"/>', " 'izz' of its"),
+        ('<inertia ixx="1" iyy="1" izz="1"/>', " 'ixy', 'ixz', 'iyz' of its"),
+        ("", ""),
+    ],
+)
+def test_moments_that_ros_asks_for_are_missed(repair, inertia, lacks):
+    _, lines = repair(arm(f'<inertial><mass value="1"/>{inertia}</inertial>'))
+
+    what = f"no{lacks} <inertia>, without which ROS takes no mass; taken as 0"
+    assert lines[0] == f"warning: link 'a': {what}"
+
+
 def test_a_link_of_nothing_that_does_not_move_alone_is_no_news(repair, simulate):
     zero = inertial(0, (0, 0, 0))
     text = arm(inertial(1)) + f'<link name="tip">{zero}</link>' + joint("a", "tip")

@@ -99,6 +99,18 @@ def test_an_integer_is_taken_for_a_double_and_reported():
     )
 
 
+def test_a_value_in_place_of_a_mapping_is_reported_with_its_keys():
+    report = LoadReport()
+
+    load(report, a=1, limits=[1.0, 2.0])
+
+    assert str(report).splitlines() == [
+        "warning: c.yaml:2: arm.a: expected a mapping of i, p, got 1; it has no effect",
+        "warning: c.yaml:3: arm.limits: expected a mapping of rate, got [1.0, 2.0]; "
+        "it has no effect",
+    ]
+
+
 def test_an_unknown_parameter_is_reported_with_the_closest():
     report = LoadReport()
 

@@ -372,11 +372,11 @@ def test_a_mesh_of_a_missing_package_is_left_out(repair, tag, severity):
     [
         (
             visual('<box size="1 2 x"/>'),
-            "link 'a', visual 0: expected numbers, got '1 2 x'",
+            "link 'a', visual 0: <box size>: expected numbers, got '1 2 x'",
         ),
         (
             visual('<box size="1_0 1 1"/>'),
-            "link 'a', visual 0: expected numbers, got '1_0 1 1'",
+            "link 'a', visual 0: <box size>: expected numbers, got '1_0 1 1'",
         ),
         (
             '<link name="a"><inertial><inertia ixx="-1e308"/></inertial></link>',
@@ -390,7 +390,7 @@ def test_a_mesh_of_a_missing_package_is_left_out(repair, tag, severity):
         ),
         (
             visual('<mesh filename="a.stl" scale="x"/>'),
-            "link 'a', visual 0: expected numbers, got 'x'",
+            "link 'a', visual 0: <mesh scale>: expected numbers, got 'x'",
         ),
         (
             '<material name="m"><color rgba="red"/></material>',
@@ -398,7 +398,7 @@ def test_a_mesh_of_a_missing_package_is_left_out(repair, tag, severity):
         ),
         (
             '<link name="a"><inertial><mass value="1 kg"/></inertial></link>',
-            "link 'a': expected numbers, got '1 kg'",
+            "link 'a': <mass value>: expected numbers, got '1 kg'",
         ),
         (
             '<link name="a"><inertial><mass value="nan"/></inertial></link>',

@@ -317,6 +317,18 @@ def test_limits_hold_where_nothing_clear_is_said(limits, line):
     assert lines == [f"warning: arm.urdf: ros2_control 'h', joint 'j': {line}"]
 
 
+def test_a_misspelt_parameter_of_an_interface_is_reported():
+    _, lines = read_joint(
+        '<state_interface name="position"><param name="initial_valu">0.5</param>'
+        '<param name="min">0</param><param name="unit">rad</param></state_interface>'
+    )
+
+    assert lines == [
+        "warning: arm.urdf: ros2_control 'h', joint 'j', state_interface 'position': "
+        "<param> 'initial_valu'; did you mean 'initial_value'?; it has no effect"
+    ]
+
+
 @pytest.mark.parametrize("text", ["half", "nan", "1 2", "1_0", "0x1"])
 @pytest.mark.parametrize("name", ["min", "max", "initial_value"])
 def test_a_value_of_a_joint_that_is_no_number_is_reported(name, text):

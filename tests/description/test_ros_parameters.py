@@ -125,7 +125,7 @@ def test_nested_keys_are_one_name(read, text, node):
 
 
 def test_a_key_that_stands_twice_keeps_its_first_place(read):
-    sections, _ = read(
+    sections, lines = read(
         "arm: {ros__parameters: {x: 1, y: 1}}\n"
         "/**: {ros__parameters: {x: 2}}\n"
         "arm: {ros__parameters: {x: 3}}\n"
@@ -133,6 +133,9 @@ def test_a_key_that_stands_twice_keeps_its_first_place(read):
 
     assert [(s.node, s.line) for s in sections] == [("/arm", 1), ("/**", 2)]
     assert {k: p.value for k, p in sections[0].parameters.items()} == {"x": 3, "y": 1}
+    assert lines == [
+        "warning: a.yaml:3: arm.x: it stands on line 1, too; what stands last counts"
+    ]
 
 
 def test_a_value_that_stands_twice_is_reported(read):

@@ -476,6 +476,12 @@ def test_elements_may_be_nested_as_deep_as_is_said():
     assert parse(f'<link name="a"/><gazebo>{inner}</gazebo>').links == ("a",)
 
 
+def test_a_description_is_short_in_notebooks():
+    robot = parse(LINKS + joint())
+
+    assert repr(robot) == "<RobotDescription 'hand', 3 links, joints ['j']>"
+
+
 def test_limits_the_wrong_way_round_are_swapped():
     robot, reported = report_of(LINKS + joint(limit='lower="2" upper="1"'))
 
@@ -483,6 +489,39 @@ def test_limits_the_wrong_way_round_are_swapped():
     assert (limits.lower, limits.upper) == (1.0, 2.0)
     assert '<limit lower="1.0" upper="2.0"' in robot.urdf
     assert "the lower limit 2.0 is above the upper one, 1.0; swapped" in reported
+
+
+@pytest.mark.parametrize(
+    ("joint_type", "limit", "lines"),
+    [
+        (
+            "revolute",
+            '<limit lower="1" upper="2"/>',
+            [
+                "<limit> without 'effort', which ROS takes in no joint; taken as unset",
+                "<limit> without 'velocity', which ROS takes in no joint; "
+                "taken as unset",
+            ],
+        ),
+        (
+            "prismatic",
+            "",
+            [
+                "no <limit>, without which ROS takes no prismatic joint; "
+                "it moves without limits"
+            ],
+        ),
+        ("revolute", '<limit effort="1" velocity="1"/>', []),
+        ("continuous", "", []),
+        ("fixed", "", []),
+    ],
+)
+def test_a_limit_that_ros_asks_for_is_missed(joint_type, limit, lines):
+    text = joint(type=joint_type).replace("<limit />", limit)
+
+    _, reported = report_of(LINKS + text)
+
+    assert [line for line in reported if "ROS" in line] == lines
 
 
 @pytest.mark.parametrize("name", ["damping", "friction"])
@@ -539,6 +578,6 @@ def test_limits_in_degrees_are_noticed_and_kept(limit, lines):
     robot = parse_urdf(text, FILE, PackageFinder(FILE), report)
     parse_urdf(text.replace("revolute", "prismatic"), FILE, PackageFinder(FILE), report)
 
-    found = [entry.what for entry in report if entry.where == "joint 'j'"]
+    found = [entry.what for entry in report if entry.kind == "invalid"]
     assert found == lines
     assert robot.joint("j").limits.upper == float(limit.split('"')[3])

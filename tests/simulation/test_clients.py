@@ -363,7 +363,7 @@ PID_CAN = "enable_feedforward, gains.*, set_current_state_as_first_setpoint"
         ),
         (
             {"gains.swing.u_clamp_max": 1.0, "gains.swing.u_clamp_min": 2.0},
-            "pid: u_clamp_min must be below u_clamp_max, got 2.0 and 1.0",
+            "pid: gains.swing.u_clamp_min must be below u_clamp_max, got 2.0 and 1.0",
         ),
         (
             {"dof_names": ["elbow"]},

@@ -35,6 +35,21 @@ def trajectory(positions, time: float = 0.2, joints=JOINTS) -> ad.JointTrajector
     return ad.JointTrajectory(joint_names=joints, points=[point])
 
 
+def test_joint_states_hold_when_they_are_read(sim):
+    sim.advance_to(0.25)
+
+    assert sim.joint_states().header.stamp == ad.messages.Time(0, 250_000_000)
+
+
+def test_a_simulation_and_a_controller_are_short_in_notebooks(sim):
+    sim.advance_to(0.25)
+
+    assert repr(sim) == "<Simulation, robots ['a0912'], 0.25 s>"
+    assert repr(sim.controller(JTC)) == (
+        f"<ControllerHandle '{JTC}' of type '{JTC}/JointTrajectoryController'>"
+    )
+
+
 @pytest.mark.slow
 def test_a_goal_goes_through_its_life(sim):
     handle = sim.controller(JTC).send_goal(trajectory([0.05] * 6))

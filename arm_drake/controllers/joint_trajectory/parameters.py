@@ -299,8 +299,8 @@ class JointTrajectoryControllerParameters:
                 f"got {self.action_monitor_rate}"
             )
         if commands in _COMMANDS_OF_PID:
-            for gains in self.gains.joint.values():
-                gains.check()
+            for joint, gains in self.gains.joint.items():
+                gains.check(f"gains.{joint}")
 
     def _check_choice(self, name: str, choices: tuple[set[str], ...]) -> None:
         values = getattr(self, name)
