@@ -1,10 +1,12 @@
 """Playback of a motion: its steps, sent to the controllers of a simulation."""
 
+import contextlib
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any, NamedTuple, Protocol
 
 from pydrake.math import RigidTransform
+from pydrake.systems.analysis import Simulator
 
 from arm_drake.description.joints import beyond_limits
 from arm_drake.errors import ArmDrakeError, InputError, MotionError
@@ -38,6 +40,7 @@ class Runner(Protocol):
     """What runs motions: a Simulation."""
 
     directory: Directory
+    simulator: Simulator
 
     # Of the quickest controller manager [s].
     period: float
@@ -118,6 +121,22 @@ class Player:
     def is_over(self) -> bool:
         """Whether what is played by `play` with `ends` was done a while ago."""
         return self._simulation.time >= self._over_at
+
+    @contextlib.contextmanager
+    def paced(self, realtime_rate: float) -> Iterator[None]:
+        """Let the simulation keep a rate; in the end, also by Ctrl-C, give up.
+
+        The rate is in simulated seconds per second and counts from now; 0 is as fast
+        as it goes.
+        """
+        simulator = self._simulation.simulator
+        simulator.ResetStatistics()
+        simulator.set_target_realtime_rate(realtime_rate)
+        try:
+            yield
+        finally:
+            self.give_up()
+            simulator.set_target_realtime_rate(0.0)
 
     def play(
         self,

@@ -635,14 +635,8 @@ class Simulation:
         if not (is_number(duration) and math.isfinite(duration) and duration >= 0.0):
             raise ValueError(f"duration must be at least 0 s, got {duration!r}")
         player = Player(self, motion, TICK_TOLERANCE * self.period)
-        # The rate counts from now.
-        self.simulator.ResetStatistics()
-        self.simulator.set_target_realtime_rate(realtime_rate)
-        try:
+        with player.paced(realtime_rate):
             player.play(duration, progress, ends=ends)
-        finally:  # Also by Ctrl-C, after which a user may go on.
-            player.give_up()
-            self.simulator.set_target_realtime_rate(0.0)
 
     def move_to(
         self, to: "Target", *, robot: str | None = None, **options: Any

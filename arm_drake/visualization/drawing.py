@@ -61,14 +61,11 @@ def run_drawing(
     """
     player = Player(simulation, motion, TICK_TOLERANCE * simulation.period)
     draw()
-    # The rate counts from now.
-    simulation.simulator.ResetStatistics()
-    simulation.simulator.set_target_realtime_rate(realtime_rate)
     ends = duration is None
     if duration is None:
         duration = default_duration(motion)
     start, count = simulation.time, math.floor(duration * frame_rate + 1e-9)
-    try:
+    with player.paced(realtime_rate):
         for picture in (*range(1, count + 1), None):
             passed = duration if picture is None else picture / frame_rate
             player.play(max(start + passed - simulation.time, 0.0), ends=ends)
@@ -77,6 +74,3 @@ def run_drawing(
                 progress(simulation.time)
             if ends and player.is_over:
                 break
-    finally:
-        player.give_up()
-        simulation.simulator.set_target_realtime_rate(0.0)
