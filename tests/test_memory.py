@@ -248,7 +248,8 @@ def test_a_leak_is_seen() -> None:
     bytes_, ticks = run(ONE_MILLION // 200, "bytes", "ticks")
 
     assert bytes_.resident > 2.0 * MAX_BYTES
-    assert ticks.blocks > 2.0 * MAX_BLOCKS
+    # An object in every tick; so few ticks leave 0.05 without any leak.
+    assert ticks.blocks > 1.0 > 2.0 * MAX_BLOCKS
 
 
 if __name__ == "__main__":
