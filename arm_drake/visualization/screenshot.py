@@ -36,6 +36,8 @@ _ARGUMENTS = (
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    # The page around the scene is drawn by the processor itself, as it draws fastest.
+    "--disable-gpu-compositing",
     "--hide-scrollbars",
     # Without these, Chromium itself calls home.
     "--disable-background-networking",

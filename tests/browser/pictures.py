@@ -45,13 +45,20 @@ _DRAW_LITTLE = f"""
     HTMLCanvasElement.prototype.getContext = function (kind, options) {{
         return getContext.call(this, kind, options && {{...options, antialias: false}});
     }};
+    const {{defineProperty}} = Object;
+    // Where others look at the viewer as it is set, too, as recordings do.
+    Object.defineProperty = (on, name, how) => defineProperty(on, name,
+        on !== window || name !== "viewer" ? how : {{
+            ...how,
+            set: (viewer) => {{
+                viewer.renderer.shadowMap.enabled = false;
+                how.set(viewer);
+            }},
+        }});
     let viewer_of_page;
     Object.defineProperty(window, "viewer", {{
         get: () => viewer_of_page,
-        set: (viewer) => {{
-            viewer_of_page = viewer;
-            viewer.renderer.shadowMap.enabled = false;
-        }},
+        set: (viewer) => {{ viewer_of_page = viewer; }},
         configurable: true,
     }});
     const draw_next = window.requestAnimationFrame.bind(window);
@@ -169,8 +176,9 @@ def picture_at(page: Page, time: float) -> Picture:
     """Return a picture at a time of a recording, typed into its bar."""
     button = bar_widget(page, "play")
     expect(button).to_be_enabled()
-    if button.inner_text() == "pause":
-        button.click()
+    # At once: what has come to its end meanwhile would begin anew by a click.
+    button.evaluate("(button) => { if (button.innerText === 'pause') button.click(); }")
+    expect(button).to_have_text("play")
     field = bar_widget(page, "time").locator("input[type=number]")
     field.fill(str(time))
     field.press("Enter")

@@ -147,3 +147,5 @@ def test_a_recording_loops_if_asked(page: Page, film: Path) -> None:
         })"""
     )
     assert bar_widget(page, "play").inner_text() == "pause"
+    bar_widget(page, "play").click()
+    expect(bar_widget(page, "play")).to_have_text("play")

@@ -40,6 +40,9 @@ Picture = NDArray[np.int16]
 # Of most pictures here: drawn on the processor, each pixel costs.
 SIZE = WIDTH, HEIGHT = 640, 480
 
+# Where only large parts of it are looked at.
+SMALL = 320, 240
+
 # Share of the picture that stays free on each side.
 MARGIN = 0.06
 
@@ -113,19 +116,31 @@ def load(folder: Path, urdf: str) -> ad.Robot:
     return ad.load_robot(file, controllers=[])
 
 
-@pytest.mark.parametrize("scale", [0.01, 10.0])
-def test_a_robot_of_any_size_fills_the_picture(
+# A robot, and one 1000 times as large [m].
+SCALES = (0.01, 10.0)
+
+
+@pytest.fixture(scope="module")
+def of_any_size(
     photographer: Photographer,
     start_meshcat: StartMeshcat,
-    tmp_path: Path,
-    scale: float,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> dict[float, Picture]:
+    """Return a picture of each robot of SCALES."""
+    pictures = {}
+    for scale in SCALES:
+        meshcat = start_meshcat()
+        show_robot(meshcat, load(tmp_path_factory.mktemp("arm"), magenta_arm(scale)))
+        pictures[scale] = read(photographer.take_picture(meshcat, size=SIZE)[0])
+    return pictures
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_a_robot_of_any_size_fills_the_picture(
+    of_any_size: dict[float, Picture], scale: float
 ) -> None:
-    meshcat = start_meshcat()
-    show_robot(meshcat, load(tmp_path, magenta_arm(scale)))
+    picture = of_any_size[scale]
 
-    data, _ = photographer.take_picture(meshcat, size=SIZE)
-
-    picture = read(data)
     assert picture.shape == (HEIGHT, WIDTH, 3)
     magenta = magenta_of(picture)
     assert_framed(magenta)
@@ -135,16 +150,10 @@ def test_a_robot_of_any_size_fills_the_picture(
 
 
 def test_size_makes_no_difference_to_the_picture(
-    photographer: Photographer, start_meshcat: StartMeshcat, tmp_path: Path
+    of_any_size: dict[float, Picture],
 ) -> None:
-    pictures = []
-    for scale in (0.01, 10.0):
-        meshcat = start_meshcat()
-        show_robot(meshcat, load(tmp_path, magenta_arm(scale)))
-        pictures.append(read(photographer.take_picture(meshcat, size=SIZE)[0]))
-
     # 1000 times as large: the same light, the same grid.
-    assert difference(*pictures).mean() < 0.002
+    assert difference(*of_any_size.values()).mean() < 0.002
 
 
 @pytest.mark.parametrize(
@@ -233,7 +242,7 @@ def darkened_by_shadows(photographer: Photographer, meshcat: Meshcat) -> Picture
     """Return how much darker a picture is because of shadows."""
 
     def take() -> Picture:
-        return read(photographer.take_picture(meshcat, size=SIZE, paths=[MAGENTA])[0])
+        return read(photographer.take_picture(meshcat, size=SMALL, paths=[MAGENTA])[0])
 
     with_shadows = take()
     meshcat.SetProperty("/Lights/FillLight/<object>", "castShadow", False)
@@ -252,9 +261,9 @@ def test_a_robot_in_the_house_casts_a_shadow_on_the_floor(
     darker = darkened_by_shadows(photographer, meshcat).mean(axis=2)
 
     # What is darker is on one side of the arm, as in the empty world: not the room.
-    shadow = darker > 3
-    assert 0.01 < shadow[:, WIDTH // 2 :].mean() < 0.2
-    assert shadow[: HEIGHT // 2, : WIDTH // 3].mean() < 0.005
+    shadow, (width, height) = darker > 3, SMALL
+    assert 0.01 < shadow[:, width // 2 :].mean() < 0.2
+    assert shadow[: height // 2, : width // 3].mean() < 0.005
 
 
 def test_the_ground_has_the_colours_of_its_file(
