@@ -129,7 +129,7 @@ from arm_drake.hardware.mobile_bases import BaseTruth, Wheel
 from arm_drake.hardware.mock_hardware import MockHardware
 from arm_drake.hardware.noise_and_delay import DelayedCommands, MeasuredStates
 from arm_drake.manager import ControllerManager
-from arm_drake.manager.connections import ReferencePositions, SampledStates
+from arm_drake.manager.connections import SampledStates
 from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.perception.cameras import Camera
 from arm_drake.perception.lidar import Lidar
@@ -291,7 +291,6 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
         "",
     ),
     ContactForces: lambda: ContactForces(["link"]),
-    ReferencePositions: lambda: ReferencePositions(2),
     MockHardware: lambda: MockHardware(
         ad.load_robot("doosan_a0912"), [], [], [], period=0.01
     ),

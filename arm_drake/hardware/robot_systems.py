@@ -16,12 +16,19 @@ from arm_drake.description.robot import Robot
 from arm_drake.hardware.drives import make_command_limits
 from arm_drake.hardware.hardware import Hardware
 from arm_drake.hardware.wiring import Wiring
-from arm_drake.manager import MANAGER, STORED_PORT, SWITCH_PORT, ControllerManager
+from arm_drake.manager import (
+    MANAGER,
+    REMEMBERED_PORT,
+    STORED_PORT,
+    SWITCH_PORT,
+    ControllerManager,
+)
 from arm_drake.manager.connections import (
     SampledStates,
     connect_chains,
     export_topics,
-    log_references,
+    log_name,
+    reference_joints,
 )
 from arm_drake.manager.hardware_interfaces import (
     HardwareInterfaces,
@@ -136,7 +143,7 @@ class RobotSystems:
             self._add_controller(name, system, hardware, everything)
             manager.add_controller(builder, system)
         connect_chains(builder, systems.values())
-        log_references(builder, systems.values(), prefix, self.period)
+        self._log_references(manager, systems)
         export_topics(builder, systems, prefix, report)
         if controllers:
             switch = manager.GetInputPort(SWITCH_PORT)
@@ -266,6 +273,18 @@ class RobotSystems:
         sample = self.builder.AddNamedSystem(name, ZeroOrderHold(period, states.size()))
         self.builder.Connect(states, sample.get_input_port())
         return sample.get_output_port()
+
+    def _log_references(
+        self, manager: ControllerManager, systems: Mapping[str, ControllerInterface]
+    ) -> None:
+        """Record the references of controllers that command no positions."""
+        for controller, system in systems.items():
+            if joints := reference_joints(system):
+                name, remembered = log_name(controller), manager.remembered(controller)
+                port = manager.GetOutputPort(REMEMBERED_PORT)
+                rows = remembered[-len(joints) :]
+                picked = Wiring(self.builder).pick(f"{self.prefix}{name}", rows, port)
+                self._log(picked, name, self.period)
 
     def _log(self, port: OutputPort, name: str, period: float) -> None:
         log = self.builder.AddNamedSystem(

@@ -2,9 +2,16 @@
 
 from arm_drake.manager.controller_manager import (
     MANAGER,
+    REMEMBERED_PORT,
     STORED_PORT,
     SWITCH_PORT,
     ControllerManager,
 )
 
-__all__ = ["MANAGER", "STORED_PORT", "SWITCH_PORT", "ControllerManager"]
+__all__ = [
+    "MANAGER",
+    "REMEMBERED_PORT",
+    "STORED_PORT",
+    "SWITCH_PORT",
+    "ControllerManager",
+]

@@ -2,17 +2,14 @@
 
 import itertools
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 
-import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import (
-    BasicVector,
     Context,
     DiagramBuilder,
     DiscreteValues,
 )
-from pydrake.systems.primitives import VectorLogSink
 
 from arm_drake import interfaces
 from arm_drake.controllers.controller_interface import (
@@ -22,7 +19,6 @@ from arm_drake.controllers.controller_interface import (
 from arm_drake.controllers.cycles import Cycle
 from arm_drake.controllers.joint_trajectory.controller import JointTrajectoryController
 from arm_drake.description.report import LoadReport
-from arm_drake.messages import JointTrajectoryControllerState
 from arm_drake.python_system import PythonSystem
 
 # Start of the names of the logs of references, after the prefix of their robot.
@@ -188,82 +184,17 @@ def export_topics(
                 builder.ExportOutput(output, with_prefix(prefix, topic))
 
 
-class ReferencePositions(PythonSystem):
-    """Picks the reference's positions out of a trajectory controller's state.
-
-    .. pydrake_system::
-
-        name: ReferencePositions
-        input_ports:
-        - controller_state
-        output_ports:
-        - position
-
-    ================  ====  ============  ============================================
-    port              size  unit          meaning
-    ================  ====  ============  ============================================
-    controller_state  --    --            JointTrajectoryControllerState
-    position          n     [rad] or [m]  the reference's positions, in the order of
-                                          the controller's joints; NaN if it has none
-    ================  ====  ============  ============================================
-
-    It has no state.
-    """
-
-    def __init__(self, num_joints: int) -> None:
-        """Create the system."""
-        super().__init__()
-        state = AbstractValue.Make(JointTrajectoryControllerState())
-        self._controller_state = self.DeclareAbstractInputPort(
-            "controller_state", state
-        )
-        self._unknown = np.full(num_joints, np.nan)
-        self.DeclareVectorOutputPort(
-            "position",
-            num_joints,
-            self._calc_position,
-            prerequisites_of_calc={self._controller_state.ticket()},
-        )
-
-    def _calc_position(self, context: Context, output: BasicVector) -> None:
-        reference = self._controller_state.Eval(context).reference.positions
-        has_all = len(reference) == len(self._unknown)
-        output.SetFromVector(reference if has_all else self._unknown)
-
-
-def log_references(
-    builder: DiagramBuilder,
-    systems: Iterable[ControllerInterface],
-    prefix: str,
-    period: float,
-) -> None:
-    """Record references of trajectory controllers that command efforts or velocities.
-
-    Of others it is what they command, which is recorded anyway. `period` [s] is the
-    log's.
-    """
-    for system in systems:
-        if joints := reference_joints(system):
-            name = f"{prefix}{log_name(system.params.controller_name)}"
-            reference = builder.AddNamedSystem(name, ReferencePositions(len(joints)))
-            controller_state = system.GetOutputPort("controller_state")
-            builder.Connect(
-                controller_state, reference.GetInputPort("controller_state")
-            )
-            log = VectorLogSink(len(joints), period)
-            builder.AddNamedSystem(
-                f"{prefix}log:{log_name(system.params.controller_name)}", log
-            )
-            builder.Connect(reference.get_output_port(), log.get_input_port())
-
-
 def log_name(controller: str) -> str:
     """Return the name of the log of what a controller wants."""
     return f"{_LOG}{controller}"
 
 
 def reference_joints(system: ControllerInterface | None) -> tuple[str, ...]:
-    """Return the joints whose reference is recorded by itself, if any are."""
+    """Return the joints whose reference is recorded by itself, if any are.
+
+    It is of trajectory controllers that command efforts or velocities; of others it is
+    what they command, which is recorded anyway. It is the last that they remember.
+    """
     if not isinstance(system, JointTrajectoryController):
         return ()
     end = f"/{interfaces.POSITION}"

@@ -315,6 +315,9 @@ SWITCH_PORT = "switch_controller"
 # And of the one with the values that the physics doesn't know.
 STORED_PORT = "stored_state_interfaces"
 
+# And of the one that has what controllers remember from tick to tick.
+REMEMBERED_PORT = "remembered"
+
 
 class ControllerManager(PythonSystem):
     """Tells controllers when to run, and hands their commands to the hardware.
@@ -334,6 +337,7 @@ class ControllerManager(PythonSystem):
         - command_values
         - drive
         - active
+        - remembered
         - ticks
         - inputs
 
@@ -353,6 +357,7 @@ class ControllerManager(PythonSystem):
     drive              7n    rad, ..  what the servo of n joints is told, see
                                       DriveCommands
     active             c     --       1 for each controller that is active, else 0
+    remembered         m     --       numbers that a cycle leaves for the next one
     ticks              --    --       ManagerState: the last ticks of the controllers
     inputs             --    --       ManagerInputs: messages on all ports
     =================  ====  =======  ==================================================
@@ -420,7 +425,7 @@ class ControllerManager(PythonSystem):
         self._steady_state = int(steady)
         self._stored_states = StoredStates(hardware_interfaces, self.commands)
         self._stored = self._declare_stored(hardware_interfaces)
-        self._declare_shown(numbers)
+        self._declare_shown([*numbers, steady])
         self._present = self._declare(
             interfaces.TICKS_PORT, self.read_state, {self.discrete_state_ticket(steady)}
         )
@@ -532,9 +537,14 @@ class ControllerManager(PythonSystem):
         )
         self._declare("events", lambda c: state(c).events)
         self._declare(interfaces.CLAIMED_PORT, lambda c: claimed(state(c).active))
-        names = (interfaces.VALUES_PORT, "drive", "active")
+        names = (interfaces.VALUES_PORT, "drive", "active", REMEMBERED_PORT)
         for name, index in zip(names, numbers, strict=True):
             self.DeclareStateOutputPort(name, index)
+
+    def remembered(self, controller: str) -> range:
+        """Return which numbers of `remembered` are a controller's."""
+        start, part = 1 + 2 * len(self._drive.joints), self._claimants.parts[controller]
+        return range(start + part.start, start + part.stop)
 
     def find_problems(
         self, context: Context, request: SwitchController

@@ -76,6 +76,7 @@ from arm_drake.controllers.joint_trajectory.state import (
     make_controller_state,
     make_query_response,
     present_commands,
+    take_snapshot,
 )
 from arm_drake.controllers.topics import new_messages, new_parameters
 from arm_drake.messages import (
@@ -217,15 +218,7 @@ def _command(
     return _Commands(ahead, inputs.time_ns, command, output, pid)
 
 
-__all__ = [
-    "activate",
-    "deactivate",
-    "idle",
-    "make_controller_state",
-    "query",
-    "receive",
-    "tick",
-]
+__all__ = ["make_controller_state", "receive"]
 
 _DEACTIVATED_TEXT = "Current goal cancelled during deactivate transition."
 
@@ -488,6 +481,7 @@ class SteadyTrajectory:
         _, rate, _ = errors_of(course.rules, inputs, desired, error)
         rates = None if rate is None else rate.tolist()
         output = course.pids.step(memory, error.tolist(), rates)
+        memory += desired.position.tolist()
         if output is None:
             return None
         values = command_of_pid(course.rules, ahead, np.array(output)).tolist()
@@ -518,7 +512,8 @@ class SteadyTrajectory:
         if course.pids is None or not memory:  # Feedback doesn't tell commands.
             values = self._make_command(inputs, desired, ahead, error)
         else:
-            pid = PidState(*np.split(np.array(memory), len(PidState._fields)))
+            *fields, _ = np.split(np.array(memory), len(PidState._fields) + 1)
+            pid = PidState(*fields)
             values = command_of_pid(course.rules, ahead, pid.command)
         new = JointTrajectoryState(
             last.plan,
@@ -615,7 +610,7 @@ class JointTrajectoryController(
         )
         rules = self._make_rules(parameters)
         if rules.pid is not None:
-            self.num_remembered = len(PidState._fields) * len(joints)
+            self.num_remembered = (len(PidState._fields) + 1) * len(joints)
         self._has_scaling_state = bool(scaling.state_interface)  # rules may ignore it
         self._has_scaling_command = rules.has_scaling_command
         super().__init__(
@@ -684,11 +679,16 @@ class JointTrajectoryController(
         return SteadyTrajectory(last.state, time_ns, self._sense_motions, dt)
 
     def remember(self, state: JointTrajectoryControllerSystemState) -> list[float]:
-        """Return what PIDs remember, if there are any."""
-        pid = state.control.pid
+        """Return what PIDs remember, if there are any, then the reference's positions.
+
+        These are NaN while there is none.
+        """
+        pid, seen = state.control.pid, take_snapshot(state.control)
+        n = self.num_remembered // (len(PidState._fields) + 1)
+        reference = [math.nan] * n if seen is None else seen.desired.position.tolist()
         if pid is None:
-            return [0.0] * self.num_remembered
-        return [number for field in pid for number in field.tolist()]
+            return [0.0] * (self.num_remembered - n) + reference
+        return [number for field in (*pid, reference) for number in field]
 
     def _sense_motions(self, time_ns: int, motions: Array) -> TickInputs:
         measured, velocity_at = motions[self._read_at], self._velocity_at
