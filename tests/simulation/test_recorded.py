@@ -150,27 +150,36 @@ def test_of_several_robots_each_has_its_own(tmp_path: Path, name: str) -> None:
     assert rollout.robot_name == name
 
 
-EFFORT_ARM = """
+ARM = """
 controller_manager:
   ros__parameters:
     update_rate: 200
-    arm: {type: joint_trajectory_controller/JointTrajectoryController}
+    arm: {{type: joint_trajectory_controller/JointTrajectoryController}}
 arm:
   ros__parameters:
     joints: [swing]
-    command_interfaces: [effort]
+    command_interfaces: [{}]
     state_interfaces: [position, velocity]
-    gains: {swing: {p: 60.0, d: 8.0}}
+    {}
 """
 
 
-def test_what_is_wanted_is_recorded_also_of_who_commands_efforts(
-    tmp_path: Path,
+# By what is commanded: distribution and parameters, and the largest command at least;
+# humble's open loop has velocities without a PID.
+@pytest.mark.parametrize(
+    ("interface", "distro", "parameters", "least"),
+    [
+        ("effort", "jazzy", "gains: {swing: {p: 60.0, d: 8.0}}", 1.0),
+        ("velocity", "jazzy", "gains: {swing: {p: 5.0}}", 0.7),
+        ("velocity", "humble", "open_loop_control: true", 0.9),
+    ],
+)
+def test_what_is_wanted_is_recorded_also_of_who_commands_no_positions(
+    tmp_path: Path, interface: str, distro: str, parameters: str, least: float
 ) -> None:
-    robot = load(tmp_path, pendulum(control=ros2_control("swing", command="effort")))
-    file = tmp_path / "effort.yaml"
-    file.write_text(EFFORT_ARM, encoding="utf-8")
-    robot = ad.load_robot(robot.description.file, controllers=file)
+    controllers = ARM.format(interface, parameters)
+    urdf = pendulum(control=ros2_control("swing", command=interface))
+    robot = load(tmp_path, urdf, controllers, distro=distro)
     sim = ad.Simulation(ad.build_diagram(robot))
     points = [
         ad.JointTrajectoryPoint((angle,), time_from_start=end)
@@ -196,8 +205,8 @@ def test_what_is_wanted_is_recorded_also_of_who_commands_efforts(
     assert reference.position[row, 0] == pytest.approx(0.2 - 1.0 / 200.0, abs=1e-9)
     error = rollout.tracking_error("arm")[1:, 0]
     assert 1e-3 < np.abs(error).max() < 0.3
-    assert rollout.command_names == ("swing/effort",)
-    assert np.nanmax(np.abs(rollout.command)) > 1.0
+    assert rollout.command_names == (f"swing/{interface}",)
+    assert np.nanmax(np.abs(rollout.command)) > least
 
 
 @pytest.mark.slow

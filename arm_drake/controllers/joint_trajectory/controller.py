@@ -477,6 +477,8 @@ class SteadyTrajectory:
             return None
         ahead = self._sample(ahead_ns)
         if course.pids is None:
+            if memory:
+                memory[-len(error) :] = desired.position.tolist()
             return self._make_command(inputs, desired, ahead, error).tolist()
         _, rate, _ = errors_of(course.rules, inputs, desired, error)
         rates = None if rate is None else rate.tolist()
@@ -609,7 +611,7 @@ class JointTrajectoryController(
             distro=params.distro,
         )
         rules = self._make_rules(parameters)
-        if rules.pid is not None:
+        if interfaces.POSITION not in parameters.command_interfaces:
             self.num_remembered = (len(PidState._fields) + 1) * len(joints)
         self._has_scaling_state = bool(scaling.state_interface)  # rules may ignore it
         self._has_scaling_command = rules.has_scaling_command
@@ -672,20 +674,18 @@ class JointTrajectoryController(
         if self.reads_all or not SteadyTrajectory.can_follow(last.state, time_ns):
             return None
         period_ns = self.whole_period_ns
-        has_pids = last.state.inbox.rules.pid is not None
-        if has_pids and not (period_ns and self.num_remembered):
+        if last.state.inbox.rules.pid is not None and not period_ns:
             return None
         dt = (period_ns or 0) / NANOSECONDS
         return SteadyTrajectory(last.state, time_ns, self._sense_motions, dt)
 
     def remember(self, state: JointTrajectoryControllerSystemState) -> list[float]:
-        """Return what PIDs remember, if there are any, then the reference's positions.
-
-        These are NaN while there is none.
-        """
+        """Return what PIDs remember, and the reference where it is no command."""
         pid, seen = state.control.pid, take_snapshot(state.control)
         n = self.num_remembered // (len(PidState._fields) + 1)
-        reference = [math.nan] * n if seen is None else seen.desired.position.tolist()
+        reference = [math.nan] * n
+        if seen is not None and n:
+            reference = seen.desired.position.tolist()
         if pid is None:
             return [0.0] * (self.num_remembered - n) + reference
         return [number for field in (*pid, reference) for number in field]
