@@ -138,7 +138,7 @@ def _load(
     arguments: Mapping[str, Any], controller_types: Mapping[str, ControllerType] | None
 ) -> Robot:
     """Load by the arguments of `load_robot`, stage by stage."""
-    _check_types(arguments)
+    arguments = _check_types(arguments)
     folders, distro, name = (
         arguments["package_paths"],
         arguments["distro"],
@@ -173,8 +173,8 @@ _EXPECTED: Mapping[str, tuple[Any, str]] = {
 _NEEDED = ("source", "distro", "package_paths")
 
 
-def _check_types(arguments: Mapping[str, Any]) -> None:
-    """Raise InputError for arguments that aren't of the type they are to be."""
+def _check_types(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments, paths in tuples; InputError if one has another type."""
     given = {
         name: value
         for name, value in arguments.items()
@@ -185,9 +185,11 @@ def _check_types(arguments: Mapping[str, Any]) -> None:
     for name in given.keys() & {"controllers", "package_paths", "srdf"}:
         value, expected = given[name], "a path or a list of paths"
         if not isinstance(value, _PATH):
-            check_type(name, value, Sequence, expected)
-            for path in value:
+            check_type(name, value, Iterable, expected)
+            given[name] = tuple(value)  # Also of what can be looked through but once.
+            for path in given[name]:
                 check_type(name, path, _PATH, expected)
+    return {**arguments, **given}
 
 
 class _Loading(NamedTuple):

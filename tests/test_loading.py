@@ -353,6 +353,20 @@ def test_an_argument_of_another_type_is_named(name, value, expected):
     assert str(caught.value) == f"{name}: expected {expected}, got {got!r}"
 
 
+def test_paths_may_come_one_by_one(tmp_path):
+    file = tmp_path / "controllers.yaml"
+    file.write_text(trajectory_controllers({"arm": ["joint1"]}))
+
+    robot = ad.load_robot(
+        "doosan_a0912",
+        controllers=tmp_path.glob("*.yaml"),
+        package_paths={str(tmp_path)},
+    )
+
+    # Beside what a sensor of the description makes.
+    assert "arm" in [controller.name for controller in robot.controllers.controllers]
+
+
 @pytest.mark.parametrize("distro", ["humble", "kilted", "rolling"])
 def test_a_known_distro_is_kept_and_reported(distro):
     robot = ad.load_robot("doosan_a0912", distro=distro)
