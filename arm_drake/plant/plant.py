@@ -240,11 +240,12 @@ def fuse_fixed_links(whole: MultibodyPlant) -> MultibodyPlant | None:
     ):
         return None
     plant = MultibodyPlant(whole.time_step())
-    model = plant.AddModelInstance("robot")
+    # Links apart from joints and their frames: one may be called as a frame.
+    model, links = map(plant.AddModelInstance, ("robot", "links"))
     fused = {world: plant.world_body()}
     for index, inertia in _sum_inertias(whole, owners).items():
         name = whole.get_body(index).name()
-        fused[index] = plant.AddRigidBody(name, model, inertia)
+        fused[index] = plant.AddRigidBody(name, links, inertia)
     # Velocities have the order of joints along each branch, in the order of these.
     for joint in sorted(moving, key=Joint.velocity_start):
         ends: list[Frame] = []
@@ -252,7 +253,8 @@ def fuse_fixed_links(whole: MultibodyPlant) -> MultibodyPlant | None:
             owner, X_OB = owners[frame.body().index()]
             X_OF = X_OB @ frame.GetFixedPoseInBodyFrame()
             name, base = f"{joint.name()}_{len(ends)}", fused[owner].body_frame()
-            ends.append(plant.AddFrame(FixedOffsetFrame(name, base, X_OF)))
+            end = FixedOffsetFrame(name, base, X_OF, model)
+            ends.append(plant.AddFrame(end))
         plant.AddJoint(_copy_joint(joint, *ends))
     for index in whole.GetJointActuatorIndices():
         old = whole.get_joint_actuator(index)

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces
 
+import arm_drake as ad
 from arm_drake.hardware.drives import make_servo_plant
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.plant import fuse_fixed_links, trial_plant
@@ -77,3 +78,24 @@ def test_what_has_nothing_fixed_to_a_moving_link_stays_as_it_is(name: str) -> No
     # The trial's own is looked at by others, with their rotors.
     assert plant is not trial
     assert plant.num_bodies() == trial.num_bodies()
+
+
+def test_a_link_may_be_called_as_a_joint_with_a_number() -> None:
+    link = "j_1"
+    inertial = (
+        '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" '
+        'iyz="0"/></inertial>'
+    )
+    urdf = (
+        f'<robot name="r"><link name="base"/><link name="{link}">{inertial}</link>'
+        f'<link name="tip">{inertial}</link>'
+        f'<joint name="j" type="continuous"><parent link="base"/><child link="{link}"/>'
+        f'</joint><joint name="k" type="fixed"><parent link="{link}"/>'
+        '<child link="tip"/></joint></robot>'
+    )
+
+    whole = trial_plant(ad.load_robot(urdf, controllers=[]))
+    fused = fuse_fixed_links(whole)
+
+    assert fused is not None
+    assert fused.num_bodies() == whole.num_bodies() - 2
