@@ -180,9 +180,9 @@ def _check_types(arguments: Mapping[str, Any]) -> dict[str, Any]:
         for name, value in arguments.items()
         if value is not None or name in _NEEDED
     }
-    for name in given.keys() & _EXPECTED:
+    for name in filter(given.__contains__, _EXPECTED):
         check_type(name, given[name], *_EXPECTED[name])
-    for name in given.keys() & {"controllers", "package_paths", "srdf"}:
+    for name in filter(given.__contains__, ("controllers", "package_paths", "srdf")):
         value, expected = given[name], "a path or a list of paths"
         if not isinstance(value, _PATH):
             check_type(name, value, Iterable, expected)
@@ -429,11 +429,12 @@ def _existing_folder(path: Source) -> Path:
 def _check_pose(pose: Sequence[float] | None) -> Pose | None:
     if pose is None:
         return None
-    if len(pose) != 6:
+    given = pose if isinstance(pose, str) else list(pose)
+    if isinstance(given, str) or len(given) != 6:
         raise InputError(
-            f"pose: expected x, y, z [m], roll, pitch, yaw [rad], got {list(pose)}"
+            f"pose: expected x, y, z [m], roll, pitch, yaw [rad], got {given!r}"
         )
-    x, y, z, roll, pitch, yaw = (_finite(number, "pose") for number in pose)
+    x, y, z, roll, pitch, yaw = (_finite(number, "pose") for number in given)
     return (x, y, z, roll, pitch, yaw)
 
 

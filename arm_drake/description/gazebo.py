@@ -188,8 +188,10 @@ def report_gazebo(
     for gazebo in root.iterfind("gazebo"):
         reference = attribute(gazebo, "reference")
         if gazebo.find("mu1") is not None and reference not in links:
-            what = f"<mu1> of {reference!r}, which is no link; "
-            what += suggest(reference, links)
+            what = "<mu1> in a tag without reference, that is, of no link"
+            if reference:
+                what = f"<mu1> of {reference!r}, which is no link; "
+                what += suggest(reference, links)
             report.add("warning", "ignored", what, "it has no effect", file=file)
 
 

@@ -196,7 +196,7 @@ def add_frames(text: str, frames: Frames, file: Path) -> str:
     added = ""
     for name, frame in frames.items():
         where = f"frame {name!r}"
-        if isinstance(frame, str) or len(frame) != 2:
+        if not isinstance(frame, Sequence) or isinstance(frame, str) or len(frame) != 2:
             problem = f"expected a link and a pose, got {frame!r}"
             raise InputError(problem, file=file, where=where)
         parent, pose = frame

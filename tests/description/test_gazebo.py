@@ -161,9 +161,12 @@ def test_friction_of_what_is_no_link_is_reported():
     lines = lines_of(
         '<link name="arm"/><gazebo reference="arm"><mu1>0.2</mu1></gazebo>'
         '<gazebo reference="armm"><mu1>0.2</mu1></gazebo>'
+        "<gazebo><mu1>0.2</mu1></gazebo>"
     )
 
     assert lines == [
         "warning: arm.urdf: <mu1> of 'armm', which is no link; did you mean 'arm'? "
-        "known: arm; it has no effect"
+        "known: arm; it has no effect",
+        "warning: arm.urdf: <mu1> in a tag without reference, that is, of no link; "
+        "it has no effect",
     ]
