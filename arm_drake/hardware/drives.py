@@ -294,9 +294,11 @@ def make_servo_plant(
     treats damping D implicitly, that is, it moves M + h D: each joint has the inertia
     h D besides.
     """
-    if trial is None or trial.time_step() != time_step:
-        trial = make_reduced_plant(description, pose, time_step)
-    plant = fuse_fixed_links(trial) or trial.Clone()
+    if trial is not None and trial.time_step() == time_step:
+        plant = fuse_fixed_links(trial) or trial.Clone()
+    else:
+        whole = make_reduced_plant(description, pose, time_step)
+        plant = fuse_fixed_links(whole) or whole
     set_gravity(plant, options)
     damping = {
         joint.name(): time_step * joint.default_damping_vector()[0]

@@ -683,9 +683,7 @@ class JointTrajectoryController(
         """Return what PIDs remember, and the reference where it is no command."""
         pid, seen = state.control.pid, take_snapshot(state.control)
         n = self.num_remembered // (len(PidState._fields) + 1)
-        reference = [math.nan] * n
-        if seen is not None and n:
-            reference = seen.desired.position.tolist()
+        reference = [math.nan] * n if seen is None else seen.desired.position.tolist()
         if pid is None:
             return [0.0] * (self.num_remembered - n) + reference
         return [number for field in (*pid, reference) for number in field]
