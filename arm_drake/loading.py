@@ -1,6 +1,5 @@
 """Loading of a robot: from a package on the disk to a Robot, stage by stage."""
 
-import copy
 import dataclasses as dc
 import math
 import os
@@ -314,9 +313,14 @@ def _complete(
     description, config = add_plugins(description, config, report)
     config = add_contact_sensors(description, config, report)
     if _has_free_base(description, config):
-        root = copy.deepcopy(description.root)
-        repair_free_base(root, description.base, report, entry)
-        description = dc.replace(description, root=root)
+        links = repair_free_base(
+            description.link_infos,
+            description.joints,
+            description.base,
+            report,
+            entry,
+        )
+        description = dc.replace(description, link_infos=links)
     return description, config
 
 

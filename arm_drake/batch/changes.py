@@ -4,7 +4,6 @@ PIDs are those of Gazebo's plugins of single joints, of controllers with paramet
 `gains.<joint>`, and of Gazebo Classic's joints (`pos_kp`, `vel_kp`).
 """
 
-import copy
 import dataclasses as dc
 import math
 from collections.abc import Mapping
@@ -258,19 +257,7 @@ def _scale_joints(robot: Robot, field: str, joint: str, factor: float) -> Robot:
         else each
         for each in description.joints
     )
-    root = description.root
-    if field == "damping":  # Friction is no matter of Drake's.
-        root = copy.copy(root)
-        for index, element in enumerate(root):
-            dynamics = element.find("dynamics") if element.tag == "joint" else None
-            if dynamics is not None and joint in ("", element.get("name")):
-                new = copy.copy(element)
-                number = factor * float(dynamics.get("damping", "0"))
-                at = list(element).index(dynamics)
-                new[at] = copy.copy(dynamics)
-                new[at].set("damping", repr(number))
-                root[index] = new
-    changed = dc.replace(description, joints=joints, root=root)
+    changed = dc.replace(description, joints=joints)
     return dc.replace(robot, description=changed)
 
 

@@ -9,7 +9,6 @@ Robots are loaded here, never there: their meshes go with them.
 import concurrent.futures as cf
 import contextlib
 import contextvars
-import copy
 import dataclasses as dc
 import functools
 import hashlib
@@ -23,7 +22,6 @@ import sys
 import threading
 import time
 import uuid
-import xml.etree.ElementTree as ET
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -43,6 +41,7 @@ from arm_drake.batch.processes import (
 )
 from arm_drake.batch.runs import Done, Run, describe, enter_thread, load_run
 from arm_drake.controllers import CONTROLLER_TYPES
+from arm_drake.description.links import LinkInfo, ShapeInfo
 from arm_drake.description.meshes.conversion import cache_directory
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
@@ -224,32 +223,40 @@ class _SentRobot(NamedTuple):
         # What it says of packages is found where they are.
         _ = robot.portable_source
         files: dict[str, bytes] = {}
-        for mesh in robot.description.root.iterfind(_COLLISION):
-            path = _path_of(mesh)
-            files[str(path)] = path.read_bytes()
+        for link in robot.description.link_infos:
+            for path in filter(None, map(_path_of, link.collisions)):
+                files[str(path)] = path.read_bytes()
         return cls(robot, files)
 
     def unpack(self) -> Robot:
         """Return the robot with its files where this worker keeps them."""
         description = self.robot.description
-        root = copy.deepcopy(description.root)
-        for link in root.iterfind("link"):
-            for visual in link.findall("visual"):
-                mesh = visual.find("geometry/mesh")
-                # Nobody looks at it there.
-                if mesh is not None and not _path_of(mesh).exists():
-                    link.remove(visual)
-        for mesh in root.iterfind(_COLLISION):
-            path = _path_of(mesh)
-            mesh.set("filename", _keep_file(path, self.files[str(path)]).as_uri())
-        return dc.replace(self.robot, description=dc.replace(description, root=root))
+        links = tuple(map(self._unpack_link, description.link_infos))
+        description = dc.replace(description, link_infos=links)
+        return dc.replace(self.robot, description=description)
+
+    def _unpack_link(self, link: LinkInfo) -> LinkInfo:
+        # Nobody looks at what is missing there.
+        paths = [(visual, _path_of(visual)) for visual in link.visuals]
+        visuals = [visual for visual, path in paths if not path or path.exists()]
+        collisions = map(self._unpack_shape, link.collisions)
+        return dc.replace(link, visuals=tuple(visuals), collisions=tuple(collisions))
+
+    def _unpack_shape(self, shape: ShapeInfo) -> ShapeInfo:
+        path = _path_of(shape)
+        if path is None:
+            return shape
+        file = _keep_file(path, self.files[str(path)])
+        mesh = dc.replace(shape.geometry, filename=file.as_uri())
+        return dc.replace(shape, geometry=mesh)
 
 
-_COLLISION = "link/collision/geometry/mesh"
-
-
-def _path_of(mesh: ET.Element) -> Path:
-    return Path(unquote(mesh.get("filename", "").removeprefix("file://")))
+def _path_of(shape: ShapeInfo) -> Path | None:
+    """Return the file of a shape's mesh, None of other shapes."""
+    mesh = shape.geometry
+    if mesh.type != "mesh":
+        return None
+    return Path(unquote(mesh.filename.removeprefix("file://")))
 
 
 class _SentWorld(NamedTuple):

@@ -12,10 +12,8 @@ in truth: rollers at its rim, each of which turns freely. The description, and s
 states and frames, stays as it is.
 """
 
-import copy
 import dataclasses as dc
 import math
-import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Final
 
@@ -30,9 +28,20 @@ from arm_drake.description.claimed_hardware import (
 )
 from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.gazebo_plugins import DiffDrive, GazeboRosDiffDrive
-from arm_drake.description.inertia import link_solid, take_mass, write_inertial
-from arm_drake.description.joints import JointInfo, joints_above, last_master
-from arm_drake.description.links import read_link
+from arm_drake.description.inertia import in_link_axes, link_solid, take_mass
+from arm_drake.description.joints import (
+    JointInfo,
+    Mimic,
+    joints_above,
+    last_master,
+)
+from arm_drake.description.links import (
+    Geometry,
+    LinkInfo,
+    Origin,
+    ShapeInfo,
+    Vector,
+)
 from arm_drake.description.report import LoadReport
 from arm_drake.description.urdf import RobotDescription, total_mass
 
@@ -176,17 +185,6 @@ def link_orientation(description: RobotDescription, link: str) -> Array:
     return R
 
 
-def unit_axis(joint: JointInfo) -> Array:
-    """Return the axis of a joint in its child link, of length 1, shape (3,)."""
-    direction = np.array(joint.axis)
-    return np.asarray(direction / np.linalg.norm(direction))
-
-
-def format_vector(vector: Array) -> str:
-    """Return a vector as URDF writes it, digit for digit."""
-    return " ".join(repr(float(x)) for x in vector)
-
-
 # Part of the link's mass that turns; the rest is what holds the axle.
 _TURNING = 0.5
 
@@ -299,7 +297,7 @@ class _Tree:
         The axis is None for a sphere, and all is None for what is no wheel.
         """
         shapes = self.description.link(name).collisions
-        if len(shapes) != 1 or shapes[0].geometry is None:
+        if len(shapes) != 1:
             return None
         origin, form = shapes[0].origin, shapes[0].geometry.type
         if form == "cylinder":
@@ -308,67 +306,67 @@ class _Tree:
 
     def _direction(self, joint: JointInfo) -> Array:
         """Return the axis of a joint in the root, of length 1."""
-        direction: Array = self._rotation(joint.child) @ unit_axis(joint)
+        direction: Array = self._rotation(joint.child) @ joint.unit_axis
         return direction
 
 
 def with_axles(
     description: RobotDescription, axles: Sequence[Axle]
 ) -> RobotDescription:
-    """Return a description whose URDF has joints for wheels to roll on.
+    """Return a description with joints for wheels to roll on, after its own.
 
-    Only the URDF has them: the links and joints that it tells of are those of before.
+    It is for the plant: joint states and frames are those of the one before.
     """
     if not axles:
         return description
-    root = copy.deepcopy(description.root)
-    links = {link.get("name", ""): link for link in root.iterfind("link")}
+    links = {link.name: link for link in description.link_infos}
+    joints = list(description.joints)
     for axle in axles:
         link = links[axle.link]
-        collision = link.find("collision")
-        solid = link_solid(read_link(link))
-        assert collision is not None
+        collision, *others = link.collisions
+        solid = link_solid(link)
         assert solid is not None
-        mass = take_mass(link, _TURNING) or _DENSITY * solid[0].mass
-        origin = collision.find("origin")
-        link.remove(collision)
-        if origin is not None:
-            origin.set("xyz", "0 0 0")
+        link, mass = take_mass(link, _TURNING)
+        mass = mass or _DENSITY * solid[0].mass
+        links[axle.link] = dc.replace(link, collisions=tuple(others))
+        collision = dc.replace(collision, origin=Origin(rpy=collision.origin.rpy))
         # In the link's axes, as `link_solid` gives it.
         inertia = solid[0].scaled(mass).inertia
-        add_turning_link(root, axle.wheel, collision, mass, inertia)
-        center, axis = {"xyz": format_vector(axle.center)}, format_vector(axle.axis)
-        ends = (axle.link, axle.wheel)
-        joint = add_axle(root, f"{axle.link}:axle", ends, center, axis)
-        if axle.other:
-            master = f"{axle.other}:axle"
-            ET.SubElement(joint, "mimic", joint=master, multiplier="-1", offset="0")
-    return dc.replace(description, root=root)
+        links[axle.wheel] = _turning_link(axle.wheel, collision, mass, inertia)
+        origin = Origin(_vector(axle.center))
+        mimic = Mimic(f"{axle.other}:axle", -1.0, 0.0) if axle.other else None
+        joint = _axle(axle.link, axle.wheel, f"{axle.link}:axle", origin, axle.axis)
+        joints.append(dc.replace(joint, mimic=mimic))
+    return _with(description, links.values(), joints)
 
 
-def add_turning_link(
-    root: ET.Element, name: str, collision: ET.Element, mass: float, inertia: Array
-) -> None:
-    """Add a link about its centre of mass, with one shape, [kg] and [kg·m^2]."""
-    link = ET.SubElement(root, "link", name=name)
-    link.append(collision)
-    write_inertial(link, mass, inertia)
+def _with(
+    description: RobotDescription,
+    links: Iterable[LinkInfo],
+    joints: Iterable[JointInfo],
+) -> RobotDescription:
+    return dc.replace(description, link_infos=tuple(links), joints=tuple(joints))
 
 
-def add_axle(
-    root: ET.Element,
-    name: str,
-    links: tuple[str, str],
-    origin: dict[str, str],
-    axis: str,
-) -> ET.Element:
-    """Add a continuous joint from one link to another."""
-    joint = ET.SubElement(root, "joint", name=name, type="continuous")
-    ET.SubElement(joint, "parent", link=links[0])
-    ET.SubElement(joint, "child", link=links[1])
-    ET.SubElement(joint, "origin", origin)
-    ET.SubElement(joint, "axis", xyz=axis)
-    return joint
+def _turning_link(
+    name: str, collision: ShapeInfo, mass: float, inertia: Array
+) -> LinkInfo:
+    """Return a link about its centre of mass, with one shape, [kg] and [kg·m^2]."""
+    inertial = in_link_axes(mass, inertia)
+    return LinkInfo(name, inertial, collisions=(collision,))
+
+
+def _axle(
+    parent: str, child: str, name: str, origin: Origin, axis: Iterable[float]
+) -> JointInfo:
+    """Return a continuous joint from one link to another."""
+    axis = _vector(axis)
+    return JointInfo(name, "continuous", parent, child, origin=origin, axis=axis)
+
+
+def _vector(numbers: Iterable[float]) -> Vector:
+    x, y, z = map(float, numbers)
+    return x, y, z
 
 
 def report_axles(
@@ -503,7 +501,7 @@ def _rollers_of(
     # Of the wheel, in the base.
     R_BW = stand.T @ link_orientation(description, name)
     R_BL = stand.T @ link_orientation(description, link)
-    axis = R_BL @ unit_axis(mover)
+    axis = R_BL @ mover.unit_axis
     left = axis * (-1.0 if axis[1] < 0.0 else 1.0)
     up = np.array([0.0, 0.0, 1.0])
     forward = np.cross(left, up)
@@ -544,52 +542,46 @@ _PART: Final = 0.25
 # Mass of the rollers of a wheel without mass [kg].
 _SMALL: Final = 1e-2
 
-# URDF has no ellipsoid; Drake has one.
-_DRAKE: Final = "http://drake.mit.edu"
-ET.register_namespace("drake", _DRAKE)
-
 
 def with_rollers(
     description: RobotDescription, rollers: Sequence[Rollers]
 ) -> RobotDescription:
-    """Return a description whose URDF has the rollers of wheels.
+    """Return a description with the rollers of wheels, after its own links and joints.
 
-    Only the URDF has them: the links and joints that it tells of are those of before.
-    The wheels' own shapes to collide with are left out.
+    It is for the plant, as that of `with_axles`. The wheels' own shapes to collide with
+    are left out.
     """
     if not rollers:
         return description
-    root = copy.deepcopy(description.root)
-    links = {link.get("name", ""): link for link in root.iterfind("link")}
+    links = {link.name: link for link in description.link_infos}
+    joints = list(description.joints)
     for wheel in rollers:
         for name in rigid_links(description, wheel.link):
-            for collision in links[name].findall("collision"):
-                links[name].remove(collision)
-        mass = (take_mass(links[wheel.link], _PART) or _SMALL) / NUM_ROLLERS
+            links[name] = dc.replace(links[name], collisions=())
+        links[wheel.link], mass = take_mass(links[wheel.link], _PART)
+        mass = (mass or _SMALL) / NUM_ROLLERS
         for number, body in enumerate(wheel.wheels):
             angle = 2.0 * math.pi * number / NUM_ROLLERS
-            _add_roller(root, wheel, body, angle, mass)
-    return dc.replace(description, root=root)
+            links[body], joint = _make_roller(wheel, body, angle, mass)
+            joints.append(joint)
+    return _with(description, links.values(), joints)
 
 
-def _add_roller(
-    root: ET.Element, wheel: Rollers, name: str, angle: float, mass: float
-) -> None:
-    """Add a roller where it is when the wheel has turned by an angle."""
+def _make_roller(
+    wheel: Rollers, name: str, angle: float, mass: float
+) -> tuple[LinkInfo, JointInfo]:
+    """Return a roller where it is when the wheel has turned by an angle."""
     turn = _rotation(wheel.axis, angle)
     axis, out = turn @ wheel.roller, turn @ wheel.down
     place = wheel.center + (wheel.radius - wheel.thickness) * out
     long, thick = wheel.semi_axis, wheel.thickness
-    collision = ET.Element("collision")
-    geometry = ET.SubElement(collision, "geometry")
-    sizes = {"a": repr(long), "b": repr(thick), "c": repr(thick)}
-    ET.SubElement(geometry, f"{{{_DRAKE}}}ellipsoid", sizes)
+    # The ellipsoid's long axis is x. URDF has no ellipsoid; Drake has one.
+    shape = ShapeInfo(Geometry("ellipsoid", (long, thick, thick)))
     along, across = 0.4 * mass * thick**2, 0.2 * mass * (thick**2 + long**2)
-    # The ellipsoid's long axis is x.
     yaw, pitch = math.atan2(axis[1], axis[0]), math.asin(-max(-1.0, min(1.0, axis[2])))
-    add_turning_link(root, name, collision, mass, np.diag([along, across, across]))
-    origin = {"xyz": format_vector(place), "rpy": f"0 {pitch!r} {yaw!r}"}
-    add_axle(root, f"{name}:axle", (wheel.link, name), origin, "1 0 0")
+    link = _turning_link(name, shape, mass, np.diag([along, across, across]))
+    origin = Origin(_vector(place), (0.0, pitch, yaw))
+    return link, _axle(wheel.link, name, f"{name}:axle", origin, (1.0, 0.0, 0.0))
 
 
 def report_rollers(

@@ -26,13 +26,19 @@ def parse_float(text: str) -> float | None:
     return float(text) if _NUMBER.fullmatch(text) else None
 
 
-def numbers(text: str, file: Path, where: str) -> list[float]:
-    """Return the numbers of a text, separated by spaces."""
+def numbers(
+    text: str, file: Path, where: str, part: str = "", expected: str = "numbers"
+) -> list[float]:
+    """Return the numbers of a text, separated by spaces.
+
+    DescriptionError, with its place and a part of it, if there is something else.
+    """
     found = []
     for word in re.findall(f"[^{_SPACES}]+", text):
         number = parse_float(word)
         if number is None:
-            problem = f"expected numbers, got {text!r}"
+            problem = f"expected {expected}, got {text!r}"
+            problem = f"{part}: {problem}" if part else problem
             raise DescriptionError(problem, file=file, where=where)
         found.append(number)
     return found
@@ -161,6 +167,10 @@ class ElementReader:
         """Add a line about the part, or about a place in it."""
         place = ", ".join(filter(None, (self._place, where)))
         self._report.add(severity, kind, what, done, where=place, file=self._file)
+
+    def error(self, problem: str) -> DescriptionError:
+        """Return what to raise about the part."""
+        return DescriptionError(problem, file=self._file, where=self._place)
 
     def check(
         self,

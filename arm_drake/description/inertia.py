@@ -9,7 +9,6 @@ parallel one through the centre of mass.
 import dataclasses as dc
 import json
 import math
-import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,13 +17,14 @@ from urllib.parse import unquote, urlparse
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_drake.description.joints import JointInfo
 from arm_drake.description.links import (
+    MOMENTS,
     Geometry,
+    InertialInfo,
     LinkInfo,
+    Origin,
     ShapeInfo,
-    read_axis,
-    read_link,
-    read_origin,
 )
 from arm_drake.description.report import LoadReport, Severity
 from arm_drake.errors import quoted
@@ -82,7 +82,7 @@ def link_solid(link: LinkInfo) -> tuple[Inertial, str] | None:
     """
     for tag, shapes in (("collision", link.collisions), ("visual", link.visuals)):
         known = [
-            (solid, shape.geometry is not None and shape.geometry.type == "mesh")
+            (solid, shape.geometry.type == "mesh")
             for shape in shapes
             if (solid := _placed_solid(shape)) is not None
         ]
@@ -161,8 +161,6 @@ def polyhedron(vertices: Array, faces: Array) -> Inertial:
 
 
 def _placed_solid(shape: ShapeInfo) -> Inertial | None:
-    if shape.geometry is None:
-        return None
     solid = _solid(shape.geometry)
     if solid is None or not _VOLUMES[0] < solid.mass < _VOLUMES[1]:
         return None
@@ -209,10 +207,6 @@ def _mesh_solid(filename: str) -> Inertial | None:
     return box(upper - lower).moved(turn, turn @ (lower + upper) / 2.0)
 
 
-# Parent link -> joint, child link.
-_Children = Mapping[str, Sequence[tuple[ET.Element, str]]]
-
-
 @dc.dataclass(frozen=True, eq=False)
 class Body:
     """Links that move as one."""
@@ -221,11 +215,7 @@ class Body:
     links: list[tuple[str, Array, Array]]
 
     # The joint that moves it; None if nothing holds it.
-    joint: ET.Element | None
-
-    @property
-    def _type(self) -> str:
-        return "floating" if self.joint is None else self.joint.get("type", "")
+    joint: JointInfo | None
 
     @property
     def mover(self) -> str:
@@ -235,57 +225,53 @@ class Body:
     @property
     def about(self) -> str:
         """What it must have inertia about."""
-        return "every axis" if self._type == "floating" else "the joint's axis"
+        is_free = self.joint is None or self.joint.type == "floating"
+        return "every axis" if is_free else "the joint's axis"
 
     def can_turn(self, inertial: Inertial, tolerance: float) -> bool:
         """Return whether the body has the inertia that its joint needs."""
-        if self._type == "prismatic":
-            return True
-        if self._type == "floating":
+        if self.joint is None or self.joint.type == "floating":
             moments = np.linalg.eigvalsh(inertial.inertia)
             return bool(moments[0] > tolerance * moments.sum())
-        is_free = self._type == "planar"
-        inertia = inertial.inertia if is_free else inertial.about(np.zeros(3))
-        assert self.joint is not None
-        axis = np.array(read_axis(self.joint))
-        axis /= np.linalg.norm(axis) or 1.0
+        if self.joint.type == "prismatic":
+            return True
+        is_planar = self.joint.type == "planar"
+        inertia = inertial.inertia if is_planar else inertial.about(np.zeros(3))
+        axis = self.joint.unit_axis
         return bool(axis @ inertia @ axis > tolerance * np.trace(inertia))
 
 
-def moving_bodies(root: ET.Element) -> Iterator[Body]:
-    """Yield the body of each movable joint of a `<robot>` element."""
-    links = {link.get("name", "") for link in root.iterfind("link")}
-    children = _children(root, links)
-    for pairs in children.values():
-        for joint, first in pairs:
-            if joint.get("type") != "fixed":
-                yield Body(_welded(first, children), joint)
+def moving_bodies(joints: Sequence[JointInfo]) -> Iterator[Body]:
+    """Yield the body of each movable joint."""
+    children = _children(joints)
+    for below in children.values():
+        for joint in below:
+            if joint.type != "fixed":
+                yield Body(_welded(joint.child, children), joint)
 
 
-def free_body(root: ET.Element, link: str) -> Body:
+def free_body(joints: Sequence[JointInfo], link: str) -> Body:
     """Return the body of a link that no joint holds."""
-    links = {link.get("name", "") for link in root.iterfind("link")}
-    return Body(_welded(link, _children(root, links)), None)
+    return Body(_welded(link, _children(joints)), None)
 
 
-def _children(root: ET.Element, links: set[str]) -> _Children:
-    children: dict[str, list[tuple[ET.Element, str]]] = {}
-    for joint in root.iterfind("joint"):
-        parent, child = joint.find("parent"), joint.find("child")
-        if parent is not None and child is not None and child.get("link") in links:
-            pair = joint, child.get("link", "")
-            children.setdefault(parent.get("link", ""), []).append(pair)
+def _children(joints: Sequence[JointInfo]) -> Mapping[str, Sequence[JointInfo]]:
+    """Return the joints on each link."""
+    children: dict[str, list[JointInfo]] = {}
+    for joint in joints:
+        children.setdefault(joint.parent, []).append(joint)
     return children
 
 
-def _welded(first: str, children: _Children) -> list[tuple[str, Array, Array]]:
+def _welded(
+    first: str, children: Mapping[str, Sequence[JointInfo]]
+) -> list[tuple[str, Array, Array]]:
     body = [(first, np.eye(3), np.zeros(3))]
     for name, R, p in body:
-        for weld, child in children.get(name, []):
-            if weld.get("type") == "fixed":
-                origin = read_origin(weld)
-                at = R @ origin.position + p
-                body.append((child, R @ origin.rotation, at))
+        for weld in children.get(name, []):
+            if weld.type == "fixed":
+                at = R @ weld.origin.position + p
+                body.append((weld.child, R @ weld.origin.rotation, at))
     return body
 
 
@@ -311,15 +297,6 @@ _ROUNDING = 5e-16
 
 # A body has no inertia about an axis if that is at most this part of its whole.
 _NOTHING = 1e-9
-
-_PLACES = (
-    ("ixx", 0, 0),
-    ("ixy", 0, 1),
-    ("ixz", 0, 2),
-    ("iyy", 1, 1),
-    ("iyz", 1, 2),
-    ("izz", 2, 2),
-)
 
 
 def is_physical(inertia: Array) -> bool:
@@ -369,190 +346,166 @@ def _project(inertia: Array) -> Array:
     return np.asarray((projected + projected.T) / 2.0)
 
 
-def repair_inertials(root: ET.Element, report: LoadReport, file: Path) -> None:
-    """Give what joints move a mass and inertia that it can move with."""
-    _repair(root, moving_bodies(root), report, file)
+def repair_inertials(
+    links: Sequence[LinkInfo],
+    joints: Sequence[JointInfo],
+    report: LoadReport,
+    file: Path,
+) -> tuple[LinkInfo, ...]:
+    """Return links with a mass and inertia with which joints can move them.
+
+    Moments that are missing are nan here.
+    """
+    return _Repair(links, report, file).move(moving_bodies(joints))
 
 
 def repair_free_base(
-    root: ET.Element, base: str, report: LoadReport, file: Path
-) -> None:
-    """Give a base that moves freely a mass and inertia that it can move with."""
-    _repair(root, [free_body(root, base)], report, file)
+    links: Sequence[LinkInfo],
+    joints: Sequence[JointInfo],
+    base: str,
+    report: LoadReport,
+    file: Path,
+) -> tuple[LinkInfo, ...]:
+    """Return links whose base has a mass and inertia with which it moves freely."""
+    return _Repair(links, report, file).move([free_body(joints, base)])
 
 
-def _repair(
-    root: ET.Element, bodies: Iterable[Body], report: LoadReport, file: Path
-) -> None:
-    links = {link.get("name", ""): link for link in root.iterfind("link")}
-    repair = _Repair(report, file)
-    inertials = {name: repair.read(name, link) for name, link in links.items()}
-    total = sum(inertial.mass for inertial in inertials.values())
-    for body in bodies:
-        parts = [(name, links[name]) for name, _, _ in body.links]
-        if all(inertials[name].mass == 0.0 for name, _ in parts):
-            repair.add_mass(parts, total, f"no mass, but {body.mover} it")
-            inertials |= {name: repair.read(name, link) for name, link in parts}
-        placed = [inertials[name].moved(R, p) for name, R, p in body.links]
-        if not body.can_turn(union(placed), _NOTHING):
-            for name, _, _ in body.links:
-                what = f"no inertia about {body.about}"
-                repair.thicken(name, links[name], inertials[name], what)
-
-
-@dc.dataclass(frozen=True)
 class _Repair:
     """What is done to one robot."""
 
-    report: LoadReport
-    file: Path
+    def __init__(
+        self, links: Sequence[LinkInfo], report: LoadReport, file: Path
+    ) -> None:
+        """Mend what no body can have."""
+        self._report = report
+        self._file = file
+        self._links = {link.name: link for link in links}
+        for link in links:
+            if link.inertial is not None:
+                self._mend(link, link.inertial)
 
-    def read(self, name: str, link: ET.Element) -> Inertial:
-        """Return a link's inertial in its frame, mended if no body can have it."""
-        nothing = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
-        element = link.find("inertial")
-        if element is None:
-            return nothing
-        mass_element = element.find("mass")
-        text = "0" if mass_element is None else mass_element.get("value", "0")
-        mass = float(text)
-        inertia = _read_tensor(element)
-        if not LEAST_MASS <= mass < math.inf:
-            link.remove(element)
+    def move(self, bodies: Iterable[Body]) -> tuple[LinkInfo, ...]:
+        """Return the links, changed so that these bodies can move."""
+        total = sum(link.mass for link in self._links.values())
+        for body in bodies:
+            names = [name for name, _, _ in body.links]
+            if all(self._links[name].mass == 0.0 for name in names):
+                self._add_mass(names, total, f"no mass, but {body.mover} it")
+            placed = [self._inertial(name).moved(R, p) for name, R, p in body.links]
+            if not body.can_turn(union(placed), _NOTHING):
+                for name in names:
+                    self._thicken(name, f"no inertia about {body.about}")
+        return tuple(self._links.values())
+
+    def _inertial(self, name: str) -> Inertial:
+        """Return a link's inertial in its frame."""
+        info = self._links[name].inertial
+        if info is None:
+            return Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
+        inertial = Inertial(info.mass, np.zeros(3), info.tensor)
+        return inertial.moved(info.origin.rotation, info.origin.position)
+
+    def _mend(self, link: LinkInfo, info: InertialInfo) -> None:
+        """Mend a link's inertial if no body can have it."""
+        name, mass = link.name, info.mass
+        if mass < LEAST_MASS:
+            self._links[name] = dc.replace(link, inertial=None)
             if mass != 0.0:
                 # As Gazebo's conversion takes it; what is below 0 was meant otherwise.
-                what, done = f"a mass of {text} kg", "it is taken as massless"
-                severity: Severity = "warning" if 0.0 < mass < math.inf else "error"
-                self._add(name, what, done, severity)
-            elif inertia.any():
+                what, done = f"a mass of {mass} kg", "it is taken as massless"
+                self._add(name, what, done, "warning" if mass > 0.0 else "error")
+            elif np.nan_to_num(info.moments).any():
                 what = "an inertia without mass"
                 self._add(name, what, "it is taken as massless")
-            return nothing
-        given = element.find("inertia")
-        lacking = [n for n, _, _ in _PLACES if given is None or n not in given.attrib]
+            return
+        lacking = [n for n, m in zip(MOMENTS, info.moments, strict=True) if m != m]
         if lacking:
-            part = "" if given is None else f" {quoted(lacking)} of its"
+            part = "" if len(lacking) == len(MOMENTS) else f" {quoted(lacking)} of its"
             what = f"no{part} <inertia>, without which ROS takes no mass"
             self._add(name, what, "taken as 0")
-        if not np.isfinite(inertia).all():
-            inertia = self._estimate(name, link, element, mass, "no finite inertia")
-        elif not is_physical(inertia):
-            old, inertia = inertia, nearest_physical(mass, inertia)
-            what = f"no body has the principal moments {_moments(old)}"
-            self._replace(name, element, inertia, what, "the nearest possible ones")
-        origin = read_origin(element)
-        inertial = Inertial(mass, np.zeros(3), inertia)
-        return inertial.moved(origin.rotation, origin.position)
+        inertia = np.nan_to_num(info.tensor)
+        self._links[name] = dc.replace(link, inertial=info.with_tensor(inertia))
+        if not is_physical(inertia):
+            what = f"no body has the principal moments {_moments(inertia)}"
+            inertia = nearest_physical(mass, inertia)
+            self._replace(name, inertia, what, "the nearest possible ones")
 
-    def add_mass(
-        self, body: list[tuple[str, ET.Element]], total: float, what: str
-    ) -> None:
+    def _add_mass(self, names: Sequence[str], total: float, what: str) -> None:
         """Give a mass to a moving body that has none: links, the first at the joint."""
-        solids = [(name, link, link_solid(read_link(link))) for name, link in body]
-        for name, link, found in solids:
+        solids = {name: link_solid(self._links[name]) for name in names}
+        for name, found in solids.items():
             if found is not None:
                 solid, source = found
                 inertial = solid.scaled(DENSITY * solid.mass)
                 done = f"{DENSITY:g} kg/m^3 times the volume of {source}"
-                self._set(name, link, inertial, what, done)
-        if all(found is None for _, _, found in solids):
-            name, link = body[0]
+                self._set(name, inertial, what, done)
+        if not any(solids.values()):
             inertial = ball(SMALL_RADIUS).scaled(max(SMALL_MASS, SMALL_PART * total))
             done = "it has no geometry to estimate from"
-            self._set(name, link, inertial, what, done)
+            self._set(names[0], inertial, what, done)
 
-    def thicken(
-        self, name: str, link: ET.Element, inertial: Inertial, what: str
-    ) -> None:
+    def _thicken(self, name: str, what: str) -> None:
         """Give inertia about all axes to a link that is a point or a line of mass."""
-        element = link.find("inertial")
-        if element is None:
+        info = self._links[name].inertial
+        if info is None:
             return
-        inertia = _read_tensor(element)
-        what += f", principal moments {_moments(inertia)}"
-        if inertia.any():
+        what += f", principal moments {_moments(info.tensor)}"
+        if info.tensor.any():
             done = "the nearest ones of a body that is no line"
-            self._replace(name, element, _project(inertia), what, done)
+            self._replace(name, _project(info.tensor), what, done)
         else:
-            self._estimate(name, link, element, inertial.mass, what)
+            self._estimate(name, info, what)
 
-    def _estimate(
-        self, name: str, link: ET.Element, element: ET.Element, mass: float, what: str
-    ) -> Array:
-        """Set and return the tensor that a link's mass has in the link's shape."""
-        found = link_solid(read_link(link))
+    def _estimate(self, name: str, info: InertialInfo, what: str) -> None:
+        """Give a link's mass the moments that it has in the link's shape."""
+        found = link_solid(self._links[name])
         if found is None:
-            radius = (mass / (DENSITY * 4.0 / 3.0 * math.pi)) ** (1.0 / 3.0)
+            radius = (info.mass / (DENSITY * 4.0 / 3.0 * math.pi)) ** (1.0 / 3.0)
             solid, done = ball(radius), f"those of a ball of {DENSITY:g} kg/m^3"
         else:
             solid, source = found
             done = f"those of {source}"
-        R = read_origin(element).rotation
-        inertia = R.T @ solid.scaled(mass).inertia @ R
-        inertia = np.asarray((inertia + inertia.T) / 2.0)
-        self._replace(name, element, inertia, what, done)
-        return inertia
+        R = info.origin.rotation
+        inertia = R.T @ solid.scaled(info.mass).inertia @ R
+        self._replace(name, np.asarray((inertia + inertia.T) / 2.0), what, done)
 
-    def _set(
-        self, name: str, link: ET.Element, inertial: Inertial, what: str, done: str
-    ) -> None:
-        write_inertial(link, inertial.mass, inertial.inertia, inertial.center)
+    def _set(self, name: str, inertial: Inertial, what: str, done: str) -> None:
+        info = in_link_axes(inertial.mass, inertial.inertia, inertial.center)
+        self._links[name] = dc.replace(self._links[name], inertial=info)
         moments = _moments(inertial.inertia)
         done = f"it gets {inertial.mass:.3g} kg and the moments {moments}, {done}"
         self._add(name, what, done)
 
-    def _replace(
-        self, name: str, element: ET.Element, inertia: Array, what: str, done: str
-    ) -> None:
-        _set_tensor(element, inertia)
+    def _replace(self, name: str, inertia: Array, what: str, done: str) -> None:
+        link = self._links[name]
+        assert link.inertial is not None
+        info = link.inertial.with_tensor(inertia)
+        self._links[name] = dc.replace(link, inertial=info)
         self._add(name, what, f"the moments are now {_moments(inertia)}, {done}")
 
     def _add(
         self, name: str, what: str, done: str, severity: Severity = "warning"
     ) -> None:
         where = f"link {name!r}"
-        self.report.add(severity, "repair", what, done, where=where, file=self.file)
+        self._report.add(severity, "repair", what, done, where=where, file=self._file)
 
 
-def _read_tensor(inertial: ET.Element) -> Array:
-    element = inertial.find("inertia")
-    tensor = np.zeros((3, 3))
-    if element is not None:
-        for name, row, column in _PLACES:
-            tensor[row, column] = tensor[column, row] = float(element.get(name, "0"))
-    return tensor
+def in_link_axes(
+    mass: float, inertia: Array, center: Sequence[float] | Array = (0.0, 0.0, 0.0)
+) -> InertialInfo:
+    """Return what a link weighs, in axes that are the link's [kg], [kg·m^2], [m]."""
+    x, y, z = map(float, center)
+    return InertialInfo(float(mass), Origin((x, y, z))).with_tensor(inertia)
 
 
-def write_inertial(
-    link: ET.Element, mass: float, inertia: Array, center: Array | None = None
-) -> None:
-    """Give a link that has none an `<inertial>` [kg], [kg·m^2], [m] in its axes."""
-    element = ET.SubElement(link, "inertial")
-    if center is not None:
-        xyz = " ".join(repr(x) for x in center.tolist())
-        ET.SubElement(element, "origin", xyz=xyz)
-    ET.SubElement(element, "mass", value=repr(float(mass)))
-    _set_tensor(element, inertia)
-
-
-def take_mass(link: ET.Element, part: float) -> float:
-    """Take a part of its mass and inertia from a link; return the mass [kg]."""
-    inertial, mass = link.find("inertial"), link.find("inertial/mass")
-    if inertial is None or mass is None:
-        return 0.0
-    whole, rest = float(mass.get("value", "0")), 1.0 - part
-    mass.set("value", repr(rest * whole))
-    for inertia in inertial.iterfind("inertia"):
-        for name, value in inertia.items():
-            inertia.set(name, repr(rest * float(value)))
-    return part * whole
-
-
-def _set_tensor(inertial: ET.Element, tensor: Array) -> None:
-    for element in inertial.findall("inertia"):
-        inertial.remove(element)
-    texts = {name: repr(float(tensor[row, column])) for name, row, column in _PLACES}
-    ET.SubElement(inertial, "inertia", texts)
+def take_mass(link: LinkInfo, part: float) -> tuple[LinkInfo, float]:
+    """Return a link with less mass and inertia by a part, and what it loses [kg]."""
+    info = link.inertial
+    if info is None:
+        return link, 0.0
+    rest = 1.0 - part
+    less = dc.replace(info, mass=rest * info.mass).with_tensor(rest * info.tensor)
+    return dc.replace(link, inertial=less), part * info.mass
 
 
 def _moments(inertia: Array) -> str:

@@ -6,14 +6,30 @@ Newer ros2_control takes the URDF's `<mimic>`, unless the joint in the block has
 """
 
 import dataclasses as dc
+import itertools
 import math
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from arm_drake.description.elements import ElementReader, attribute
-from arm_drake.description.links import Origin, Vector
+import numpy as np
+
+from arm_drake.description.elements import (
+    ElementReader,
+    parse_number,
+    quote_attribute,
+)
+from arm_drake.description.links import (
+    Array,
+    Origin,
+    Vector,
+    read_numbers,
+    read_origin,
+    read_vector,
+    write_origin,
+    write_vector,
+)
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros2_control import ComponentInfo, HardwareInfo
 from arm_drake.errors import DescriptionError, suggest
@@ -112,6 +128,12 @@ class JointInfo:
     def is_movable(self) -> bool:
         """Whether the joint has one degree of freedom."""
         return self.type in MOVABLE_TYPES
+
+    @property
+    def unit_axis(self) -> Array:
+        """The axis in the child link, of length 1, shape (3,)."""
+        direction = np.array(self.axis)
+        return np.asarray(direction / np.linalg.norm(direction))
 
 
 def check_structure(
@@ -282,6 +304,19 @@ def _above(carriers: Mapping[str, JointInfo], link: str) -> list[JointInfo]:
     return found
 
 
+def extent(joints: Sequence[JointInfo]) -> float:
+    """Return how far from a root the farthest link is, joints between stretched [m]."""
+    steps = {j.child: (j.parent, math.hypot(*j.origin.xyz)) for j in joints}
+    distances: dict[str, float] = {}
+    for link in steps:
+        chain = [link]
+        while chain[-1] in steps and chain[-1] not in distances:
+            chain.append(steps[chain[-1]][0])
+        for nearer, farther in itertools.pairwise(reversed(chain)):
+            distances[farther] = distances.get(nearer, 0.0) + steps[farther][1]
+    return max(distances.values(), default=0.0)
+
+
 def from_the_root(joints: Sequence[JointInfo]) -> list[JointInfo]:
     """Return the joints so that each comes after those that carry it."""
     carriers = {joint.child: joint for joint in joints}
@@ -328,21 +363,171 @@ def find_mimics(
     return tuple(found.values())
 
 
-def write_mimics(root: ET.Element, joints: Sequence[JointInfo]) -> None:
-    """Give the joints of a URDF the `<mimic>` that holds."""
-    found = {joint.name: joint.mimic for joint in joints}
-    for element in root.iterfind("joint"):
-        for mimic in element.findall("mimic"):
-            element.remove(mimic)
-        relation = found.get(attribute(element, "name"))
-        if relation is not None:
-            ET.SubElement(
-                element,
-                "mimic",
-                joint=relation.joint,
-                multiplier=repr(relation.multiplier),
-                offset=repr(relation.offset),
-            )
+def read_joint(element: ET.Element, file: Path, report: LoadReport) -> JointInfo:
+    """Return what a `<joint>` says; what can't be taken as it stands is recorded."""
+    name = element.get("name")
+    if not name:
+        problem = 'a joint has no name; expected <joint name="...">'
+        raise DescriptionError(problem, file=file)
+    where = f"joint {name!r}"
+    joint_type = element.get("type", "")
+    if joint_type not in JOINT_TYPES:
+        problem = f"type {joint_type!r}; expected one of {', '.join(JOINT_TYPES)}"
+        raise DescriptionError(problem, file=file, where=where)
+    reader = ElementReader(where, report, file)
+    if joint_type in FREE_TYPES:
+        what = f"the joint is {joint_type}"
+        done = "it moves freely, no controller moves it"
+        reader.note("info", "unsupported", what, done)
+    mimic = element.find("mimic")
+    return JointInfo(
+        name=name,
+        type=joint_type,
+        parent=_child_attribute(element, "parent", "link", reader),
+        child=_child_attribute(element, "child", "link", reader),
+        limits=_limits(element.find("limit"), joint_type, reader),
+        mimic=None
+        if mimic is None
+        else Mimic(
+            joint=mimic.get("joint", ""),
+            multiplier=read_numbers(mimic, "multiplier", (1.0,), file, where)[0],
+            offset=read_numbers(mimic, "offset", (0.0,), file, where)[0],
+        ),
+        safety_controller=_safety_controller(element, reader),
+        origin=read_origin(element, file, where),
+        axis=_axis(element, joint_type, file, where),
+        **_dynamics(element.find("dynamics"), file, where, reader),
+    )
+
+
+def _safety_controller(
+    joint: ET.Element, reader: ElementReader
+) -> SafetyController | None:
+    """Return the soft limits of a joint; a malformed one is left out, not the robot."""
+    element = joint.find("safety_controller")
+    if element is None:
+        return None
+    names = [field.name for field in dc.fields(SafetyController)]
+    values = {name: reader.finite(element.get(name), name) for name in names}
+    return SafetyController(**{n: v for n, v in values.items() if v is not None})
+
+
+def _child_attribute(
+    element: ET.Element, tag: str, attribute: str, reader: ElementReader
+) -> str:
+    child = element.find(tag)
+    value = None if child is None else child.get(attribute)
+    if not value:
+        raise reader.error(f'expected <{tag} {attribute}="...">')
+    return value
+
+
+def _report_lacking(
+    limit: ET.Element | None, joint_type: str, reader: ElementReader
+) -> None:
+    """Record what urdfdom asks of a limit: without it ROS refuses the robot."""
+    if limit is None and joint_type in ("revolute", "prismatic"):
+        what = f"no <limit>, without which ROS takes no {joint_type} joint"
+        reader.note("warning", "missing", what, "it moves without limits")
+    if limit is None:
+        return
+    for name in ("effort", "velocity"):
+        if name not in limit.attrib:
+            what = f"<limit> without {name!r}, which ROS takes in no joint"
+            reader.note("warning", "missing", what, "taken as unset")
+
+
+def _dynamics(
+    element: ET.Element | None, file: Path, where: str, reader: ElementReader
+) -> dict[str, float]:
+    """Return damping and friction; a negative one would drive the joint."""
+    found = {}
+    for name in ("damping", "friction"):
+        (number,) = read_numbers(element, name, (0.0,), file, where)
+        if number < 0.0:
+            what = f"{name} {number:g} is negative"
+            reader.note("warning", "repair", what, "taken as 0")
+        found[name] = max(0.0, number)
+    return found
+
+
+def _axis(joint: ET.Element, joint_type: str, file: Path, where: str) -> Vector:
+    axis = read_vector(joint.find("axis"), "xyz", file, where, (1.0, 0.0, 0.0))
+    if joint_type not in ("fixed", "floating") and not any(axis):
+        problem = "<axis xyz>: expected a direction, got zeros"
+        raise DescriptionError(problem, file=file, where=where)
+    return axis
+
+
+def _limits(
+    element: ET.Element | None, joint_type: str, reader: ElementReader
+) -> JointLimits:
+    """Return the limits; 0 and inf mean "unset", which Drake would take literally."""
+    _report_lacking(element, joint_type, reader)
+    if element is None:
+        return JointLimits()
+    lower, upper = (_limit(element, end, reader) for end in ("lower", "upper"))
+    if lower > upper and joint_type != "continuous":
+        what = f"the lower limit {lower} is above the upper one, {upper}"
+        reader.note("warning", "repair", what, "swapped")
+        lower, upper = upper, lower
+    found = {}
+    for name in ("effort", "velocity"):
+        text, number = element.get(name), _limit(element, name, reader)
+        if 0.0 < abs(number) < math.inf:
+            found[name] = abs(number)
+        done = "taken without its sign" if name in found else "taken as unset"
+        if text is not None and found.get(name) != number:
+            reader.note("info", "repair", f"{name} limit {text}", done)
+    if joint_type == "continuous" and {"lower", "upper"} & element.attrib.keys():
+        what = "limits of a continuous joint"
+        reader.note("info", "repair", what, "it turns without end")
+    if joint_type in ("revolute", "prismatic"):
+        ends = {"lower": lower, "upper": upper}
+        found |= {name: end for name, end in ends.items() if math.isfinite(end)}
+    return JointLimits(**found)
+
+
+def _limit(element: ET.Element, attribute: str, reader: ElementReader) -> float:
+    """Return a number, which may be infinite; 0 where there is none."""
+    text = element.get(attribute, "0")
+    number = parse_number(text)
+    if number is None:
+        problem = f"<{element.tag} {attribute}>: expected a number, got {text!r}"
+        raise reader.error(problem)
+    return number
+
+
+def write_joint(joint: JointInfo) -> str:
+    """Return a joint as URDF, as Drake takes it.
+
+    Its friction is left out, which is modelled beside the plant.
+    """
+    name = quote_attribute(joint.name)
+    parent, child = map(quote_attribute, (joint.parent, joint.child))
+    text = (
+        f'<joint name={name} type="{joint.type}">{write_origin(joint.origin)}'
+        f"<parent link={parent}/><child link={child}/>"
+    )
+    if joint.type not in ("fixed", "floating"):
+        text += f'<axis xyz="{write_vector(joint.axis)}"/>'
+    limits = "".join(
+        f' {name}="{value!r}"'
+        for name, value in vars(joint.limits).items()
+        if value is not None
+    )
+    if limits and joint.type != "fixed":
+        text += f"<limit{limits}/>"
+    if joint.damping:
+        # Drake wants one for each degree of freedom.
+        count = 3 if joint.type == "planar" else 1
+        text += f'<dynamics damping="{write_vector([joint.damping] * count)}"/>'
+    if joint.mimic is not None:
+        text += (
+            f"<mimic joint={quote_attribute(joint.mimic.joint)} "
+            f'multiplier="{joint.mimic.multiplier!r}" offset="{joint.mimic.offset!r}"/>'
+        )
+    return f"{text}</joint>"
 
 
 class _Finder(ElementReader):

@@ -1,23 +1,20 @@
 """RobotDescription: a robot as its URDF describes it, read once and mended for Drake.
 
-What Drake can't take as it stands is changed in the tree that is handed to it, see
-`repairs`, and every change is a line in the load report.
+Tags and attributes that nobody reads, and all that becomes something else because Drake
+can't take it as it stands, are lines in the load report, one for each kind.
 """
 
+import collections
 import dataclasses as dc
+import difflib
 import functools
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from arm_drake.description.elements import (
-    ElementReader,
-    parse_float,
-    parse_xml,
-    quote_attribute,
-)
+from arm_drake.description.elements import parse_xml, quote_attribute
 from arm_drake.description.gazebo import (
     CONTACT,
     GazeboPlugin,
@@ -29,25 +26,22 @@ from arm_drake.description.gazebo import (
     report_gazebo,
 )
 from arm_drake.description.gazebo_plugins import JointPlugin
+from arm_drake.description.inertia import repair_inertials
 from arm_drake.description.joints import (
-    FREE_TYPES,
-    JOINT_TYPES,
     WORLD,
     JointInfo,
-    JointLimits,
-    Mimic,
-    SafetyController,
     check_structure,
     drop_bad_mimics,
+    extent,
     find_mimics,
     links_on,
+    read_joint,
     report_degrees,
-    write_mimics,
+    write_joint,
 )
-from arm_drake.description.links import LinkInfo, read_axis, read_link, read_origin
+from arm_drake.description.links import LinkInfo, Origin, read_links, write_link
 from arm_drake.description.packages import PackageFinder
-from arm_drake.description.repairs import normalise
-from arm_drake.description.report import LoadReport
+from arm_drake.description.report import LoadReport, Severity
 from arm_drake.description.ros2_control import (
     HardwareInfo,
     read_hardware,
@@ -82,7 +76,8 @@ class RobotDescription:
     # Entry file.
     file: Path
 
-    links: tuple[str, ...]
+    # In the order of the file, as they are simulated.
+    link_infos: tuple[LinkInfo, ...]
 
     # In the order of the file.
     joints: tuple[JointInfo, ...]
@@ -114,10 +109,6 @@ class RobotDescription:
     # The expanded description, as it was written.
     source: str
 
-    # The description as Drake takes it: meshes converted, repairs made. Nobody changes
-    # it; what needs another makes a copy.
-    root: ET.Element = dc.field(repr=False, compare=False)
-
     # Folders that were searched for packages.
     package_paths: tuple[Path, ...] = dc.field(default=(), repr=False, compare=False)
 
@@ -127,23 +118,15 @@ class RobotDescription:
         links = counted(len(self.links), "link")
         return f"<RobotDescription {self.name!r}, {links}, joints {joints}>"
 
-    def __eq__(self, other: object) -> bool:
-        """Return whether all is the same; trees are compared as texts."""
-        if not isinstance(other, RobotDescription):
-            return NotImplemented
-        names = [field.name for field in dc.fields(self) if field.compare]
-        same = all(getattr(self, name) == getattr(other, name) for name in names)
-        return same and self.urdf == other.urdf
-
     @functools.cached_property
     def urdf(self) -> str:
         """The description as Drake takes it, as a text."""
-        return ET.tostring(self.root, encoding="unicode")
+        return write_urdf(self.name, self.link_infos, self.joints)
 
     @functools.cached_property
-    def link_infos(self) -> tuple[LinkInfo, ...]:
-        """The links as they are simulated, in the order of the file."""
-        return tuple(map(read_link, self.root.iterfind("link")))
+    def links(self) -> tuple[str, ...]:
+        """The names of the links, in the order of the file."""
+        return tuple(link.name for link in self.link_infos)
 
     @functools.cached_property
     def _links_by_name(self) -> Mapping[str, LinkInfo]:
@@ -181,6 +164,14 @@ class RobotDescription:
         return {joint.name: joint for joint in self.joints}[name]
 
 
+def write_urdf(
+    name: str, links: Iterable[LinkInfo], joints: Iterable[JointInfo]
+) -> str:
+    """Return a URDF as Drake takes it."""
+    parts = *map(write_link, links), *map(write_joint, joints)
+    return f"<robot name={quote_attribute(name)}>{''.join(parts)}</robot>"
+
+
 # Frames fixed to links, by name: the link, and x, y, z [m], roll, pitch, yaw [rad].
 Frames = Mapping[str, tuple[str, Sequence[float]]]
 
@@ -213,14 +204,10 @@ def add_frames(text: str, frames: Frames, file: Path) -> str:
         joint = f"{name}_fixed_joint"
         while joint in joints:
             joint += "_"
-        xyz, rpy = (" ".join(map(str, part)) for part in (numbers[:3], numbers[3:]))
-        added += (
-            f"<link name={quote_attribute(name)}/>"
-            f'<joint name={quote_attribute(joint)} type="fixed">'
-            f"<parent link={quote_attribute(parent)}/>"
-            f"<child link={quote_attribute(name)}/>"
-            f'<origin xyz="{xyz}" rpy="{rpy}"/></joint>'
-        )
+        x, y, z, roll, pitch, yaw = numbers
+        origin = Origin((x, y, z), (roll, pitch, yaw))
+        added += write_link(LinkInfo(name))
+        added += write_joint(JointInfo(joint, "fixed", parent, name, origin=origin))
         links.append(name)
     before, end, after = text.rpartition("</robot>")
     return before + added + end + after if end else text
@@ -239,7 +226,9 @@ def parse_urdf(
     root = parse_xml(text, file)
     _check_size(root, file)
     links = _link_names(root, file)
-    joints = tuple(_joint(element, file, report) for element in root.iterfind("joint"))
+    joints = tuple(
+        read_joint(element, file, report) for element in root.iterfind("joint")
+    )
     check_structure(links, joints, file)
     report_degrees(joints, file, report)
     joints = drop_bad_mimics(joints, file, report)
@@ -248,14 +237,21 @@ def parse_urdf(
     plugins = read_gazebo_plugins(root)
     report_hardware(hardware, report, file)
     sensors, seeing = _read_sensors(root, links, joints, hardware, report, file)
-    as_written = _AsWritten.read(root, links)
-    write_mimics(root, joints)
-    normalise(root, file, packages, report, decompose=decompose, max_faces=max_faces)
+    report_unread(root, file, report)
+    shaped = read_links(
+        root,
+        file,
+        packages,
+        report,
+        extent=extent(joints),
+        decompose=decompose,
+        max_faces=max_faces,
+    )
     robot = RobotDescription(
         name=root.get("name") or file.name.partition(".")[0],
         file=file,
-        links=links,
-        joints=_with_places(joints, root),
+        link_infos=repair_inertials(shaped, joints, report, file),
+        joints=joints,
         hardware=hardware,
         gazebo_plugins=plugins,
         joint_plugins=read_joint_plugins(
@@ -263,15 +259,130 @@ def parse_urdf(
         ),
         gazebo_sensors=sensors,
         perception_sensors=seeing,
-        friction=as_written.friction,
-        undivided=as_written.undivided,
-        mesh_names=as_written.mesh_names,
+        friction=read_friction(root, links),
+        undivided=frozenset(
+            link.get("name", "")
+            for link in root.iterfind("link")
+            if len(link.findall("collision")) == 1
+        ),
+        mesh_names=_mesh_names(root),
         source=text,
-        root=root,
         package_paths=packages.package_paths,
     )
     _report_loose(robot, report)
     return robot
+
+
+# Elements by their path below <robot>, with the attributes that are read.
+_READ: Mapping[str, tuple[str, ...]] = {
+    "material": ("name",),
+    "material/color": ("rgba",),
+    "material/texture": ("filename",),
+    "link": ("name",),
+    "link/inertial": (),
+    "link/inertial/origin": ("xyz", "rpy"),
+    "link/inertial/mass": ("value",),
+    "link/inertial/inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
+    **{
+        f"link/{tag}{path}": attributes
+        for tag in ("visual", "collision")
+        for path, attributes in {
+            "": ("name",),
+            "/origin": ("xyz", "rpy"),
+            "/geometry": (),
+            "/geometry/box": ("size",),
+            "/geometry/sphere": ("radius",),
+            "/geometry/cylinder": ("radius", "length"),
+            "/geometry/capsule": ("radius", "length"),
+            "/geometry/mesh": ("filename", "scale"),
+        }.items()
+    },
+    "link/visual/material": ("name",),
+    "link/visual/material/color": ("rgba",),
+    "link/visual/material/texture": ("filename",),
+    "joint": ("name", "type"),
+    "joint/origin": ("xyz", "rpy"),
+    "joint/parent": ("link",),
+    "joint/child": ("link",),
+    "joint/axis": ("xyz",),
+    "joint/limit": ("lower", "upper", "effort", "velocity"),
+    "joint/dynamics": ("damping", "friction"),
+    "joint/mimic": ("joint", "multiplier", "offset"),
+}
+
+# Read elsewhere, and reported there.
+_OTHERS = ("ros2_control", "gazebo", "joint/safety_controller")
+
+# What is done about tags that mean something to others.
+_MEANINGS = {
+    "transmission": "actuators come from <ros2_control>",
+    "joint/calibration": "joints are calibrated",
+    "link/collision_checking": "collisions come from <collision>",
+}
+
+_NOTHING = "it has no effect"
+
+# So much alike are a word and the one that was meant: "val" and "value" just so.
+_MISSPELT = 0.75
+
+
+class _Ignored(NamedTuple):
+    """A kind of thing that isn't read."""
+
+    # Path of a tag, and an attribute or "".
+    path: str
+    attribute: str
+
+    # What it seems to be meant for, and the link or joint that it is in; else "".
+    meant: str = ""
+    where: str = ""
+
+
+def report_unread(root: ET.Element, file: Path, report: LoadReport) -> None:
+    """Record each kind of thing in a URDF that isn't read, once."""
+    found: collections.Counter[_Ignored] = collections.Counter()
+    for child in root:
+        name = child.get("name")
+        where = "" if name is None else f"{child.tag} {name!r}"
+        for ignored in _unread(child, ""):
+            found[ignored._replace(where=where) if ignored.meant else ignored] += 1
+    for (path, attribute, meant, where), count in found.items():
+        what = f"<{path} {attribute}=...>" if attribute else f"<{path}>"
+        what += "" if count == 1 else f", {count} times"
+        what += f"; did you mean {meant}?" if meant else ""
+        severity: Severity = "warning" if meant else "info"
+        done = (_MEANINGS.get(path) if not attribute else None) or _NOTHING
+        report.add(severity, "ignored", what, done, where=where, file=file)
+
+
+def _unread(element: ET.Element, above: str) -> Iterator[_Ignored]:
+    """Yield what isn't read in an element."""
+    if not isinstance(element.tag, str):  # A comment.
+        return
+    path = f"{above}/{element.tag}" if above else element.tag
+    is_shape = above.endswith("/geometry")  # One that is unknown is a repair.
+    if path not in _READ and not is_shape:
+        if path not in _OTHERS:
+            yield _Ignored(path, "", _meant_tag(path))
+        return
+    for name in element.attrib:
+        # Not of another name space.
+        if path in _READ and name not in _READ[path] and not name.startswith("{"):
+            lacking = [other for other in _READ[path] if other not in element.attrib]
+            close = difflib.get_close_matches(name, lacking, 1, _MISSPELT)
+            yield _Ignored(path, name, repr(close[0]) if close else "")
+    for child in element:
+        yield from _unread(child, path)
+
+
+@functools.cache
+def _meant_tag(path: str) -> str:
+    """Return the tag that one that isn't read seems to be meant for, or ""."""
+    above, _, tag = path.rpartition("/")
+    known = [each.rpartition("/") for each in (*_READ, *_OTHERS, *_MEANINGS)]
+    tags = [other for parent, _, other in known if parent == above]
+    close = difflib.get_close_matches(tag, tags, 1, _MISSPELT)
+    return f"<{close[0]}>" if close and path not in _MEANINGS else ""
 
 
 def _check_size(root: ET.Element, file: Path) -> None:
@@ -342,41 +453,15 @@ def _read_sensors(
     return sensors, seeing
 
 
-class _AsWritten(NamedTuple):
-    """What is read of links before anything is mended."""
-
-    friction: Mapping[str, float]
-    undivided: frozenset[str]
-    mesh_names: tuple[str, ...]
-
-    @classmethod
-    def read(cls, root: ET.Element, links: Collection[str]) -> "_AsWritten":
-        """Return what the elements say."""
-        meshes = [
-            mesh
-            for tag in ("visual", "collision")
-            for mesh in root.iterfind(f"link/{tag}/geometry/mesh")
-        ]
-        names = (e.get("filename", "") for e in (*meshes, *root.iter("texture")))
-        return cls(
-            read_friction(root, links),
-            frozenset(
-                link.get("name", "")
-                for link in root.iterfind("link")
-                if len(link.findall("collision")) == 1
-            ),
-            tuple(dict.fromkeys(filter(None, names))),
-        )
-
-
-def _with_places(
-    joints: Sequence[JointInfo], root: ET.Element
-) -> tuple[JointInfo, ...]:
-    """Return joints with their origins and axes, whose numbers have been checked."""
-    return tuple(
-        dc.replace(joint, origin=read_origin(element), axis=read_axis(element))
-        for joint, element in zip(joints, root.iterfind("joint"), strict=True)
-    )
+def _mesh_names(root: ET.Element) -> tuple[str, ...]:
+    """Return the files of meshes and textures, each once."""
+    meshes = [
+        mesh
+        for tag in ("visual", "collision")
+        for mesh in root.iterfind(f"link/{tag}/geometry/mesh")
+    ]
+    names = (e.get("filename", "") for e in (*meshes, *root.iter("texture")))
+    return tuple(dict.fromkeys(filter(None, names)))
 
 
 def _report_loose(robot: RobotDescription, report: LoadReport) -> None:
@@ -386,128 +471,6 @@ def _report_loose(robot: RobotDescription, report: LoadReport) -> None:
         what = f"links {sorted(robot.roots)} are attached to nothing"
         done = "they are fixed to the world"
         report.add("warning", "repair", what, done, file=robot.file)
-
-
-def _joint(element: ET.Element, file: Path, report: LoadReport) -> JointInfo:
-    name = element.get("name")
-    if not name:
-        problem = 'a joint has no name; expected <joint name="...">'
-        raise DescriptionError(problem, file=file)
-    where = f"joint {name!r}"
-    joint_type = element.get("type", "")
-    if joint_type not in JOINT_TYPES:
-        problem = f"type {joint_type!r}; expected one of {', '.join(JOINT_TYPES)}"
-        raise DescriptionError(problem, file=file, where=where)
-    reader = ElementReader(where, report, file)
-    limit, dynamics = element.find("limit"), element.find("dynamics")
-    mimic = element.find("mimic")
-    try:
-        _report_lacking(limit, joint_type, reader)
-        _order_limits(limit, joint_type, reader)
-        _drop_negative(dynamics, reader)
-        if joint_type in FREE_TYPES:
-            what = f"the joint is {joint_type}"
-            done = "it moves freely, no controller moves it"
-            reader.note("info", "unsupported", what, done)
-        return JointInfo(
-            name=name,
-            type=joint_type,
-            parent=_child_attribute(element, "parent", "link"),
-            child=_child_attribute(element, "child", "link"),
-            limits=_limits(limit, joint_type),
-            damping=_number(dynamics, "damping", 0.0),
-            friction=_number(dynamics, "friction", 0.0),
-            mimic=None
-            if mimic is None
-            else Mimic(
-                joint=mimic.get("joint", ""),
-                multiplier=_number(mimic, "multiplier", 1.0),
-                offset=_number(mimic, "offset", 0.0),
-            ),
-            safety_controller=_safety_controller(element, reader),
-        )
-    except ValueError as error:
-        raise DescriptionError(str(error), file=file, where=where) from None
-
-
-def _safety_controller(
-    joint: ET.Element, reader: ElementReader
-) -> SafetyController | None:
-    """Return the soft limits of a joint; a malformed one is left out, not the robot."""
-    element = joint.find("safety_controller")
-    if element is None:
-        return None
-    names = [field.name for field in dc.fields(SafetyController)]
-    values = {name: reader.finite(element.get(name), name) for name in names}
-    return SafetyController(**{n: v for n, v in values.items() if v is not None})
-
-
-def _child_attribute(element: ET.Element, tag: str, attribute: str) -> str:
-    child = element.find(tag)
-    value = None if child is None else child.get(attribute)
-    if not value:
-        raise ValueError(f'expected <{tag} {attribute}="...">')
-    return value
-
-
-def _report_lacking(
-    limit: ET.Element | None, joint_type: str, reader: ElementReader
-) -> None:
-    """Record what urdfdom asks of a limit: without it ROS refuses the robot."""
-    if limit is None and joint_type in ("revolute", "prismatic"):
-        what = f"no <limit>, without which ROS takes no {joint_type} joint"
-        reader.note("warning", "missing", what, "it moves without limits")
-    if limit is None:
-        return
-    for name in ("effort", "velocity"):
-        if name not in limit.attrib:
-            what = f"<limit> without {name!r}, which ROS takes in no joint"
-            reader.note("warning", "missing", what, "taken as unset")
-
-
-def _order_limits(
-    limit: ET.Element | None, joint_type: str, reader: ElementReader
-) -> None:
-    """Swap a lower and an upper limit that are the wrong way round."""
-    lower, upper = (_number(limit, end, 0.0) for end in ("lower", "upper"))
-    if limit is not None and lower > upper and joint_type != "continuous":
-        limit.set("lower", repr(upper))
-        limit.set("upper", repr(lower))
-        what = f"the lower limit {lower} is above the upper one, {upper}"
-        reader.note("warning", "repair", what, "swapped")
-
-
-def _drop_negative(dynamics: ET.Element | None, reader: ElementReader) -> None:
-    """Remove a damping or friction that would drive the joint."""
-    for name in ("damping", "friction"):
-        if dynamics is not None and _number(dynamics, name, 0.0) < 0.0:
-            what = f"{name} {dynamics.attrib.pop(name)} is negative"
-            reader.note("warning", "repair", what, "taken as 0")
-
-
-def _limits(element: ET.Element | None, joint_type: str) -> JointLimits:
-    if element is None:
-        return JointLimits()
-    effort = abs(_number(element, "effort", 0.0))
-    velocity = abs(_number(element, "velocity", 0.0))
-    lower, upper = (_number(element, end, 0.0) for end in ("lower", "upper"))
-    has_range = joint_type in ("revolute", "prismatic")
-    return JointLimits(
-        lower=lower if has_range and math.isfinite(lower) else None,
-        upper=upper if has_range and math.isfinite(upper) else None,
-        effort=effort if 0.0 < effort < math.inf else None,
-        velocity=velocity if 0.0 < velocity < math.inf else None,
-    )
-
-
-def _number(element: ET.Element | None, attribute: str, default: float) -> float:
-    text = None if element is None else element.get(attribute)
-    if text is None:
-        return default
-    number = parse_float(text)
-    if number is None or math.isnan(number):
-        raise ValueError(f"{attribute}: expected a number, got {text!r}")
-    return number
 
 
 def total_mass(description: RobotDescription) -> float:

@@ -28,7 +28,6 @@ from arm_drake.description.base_wheels import (
     report_bases,
     report_rollers,
     rigid_links,
-    unit_axis,
     with_axles,
     with_rollers,
 )
@@ -115,7 +114,7 @@ def find_wheels(
         shapes = _shapes(plant, scene_graph, body)
         if not shapes:
             continue
-        axis = unit_axis(moved)
+        axis = moved.unit_axis
         R_WB = plant.EvalBodyPoseInWorld(context, body).rotation()
         if R_WB @ axis @ left < 0.0:
             axis = -axis

@@ -9,8 +9,6 @@ joint counts with the longest way from it to a shape that it carries. With steps
 twice the padding nothing between them is missed.
 """
 
-import copy
-import dataclasses as dc
 import functools
 import itertools
 import math
@@ -58,7 +56,7 @@ from arm_drake.plant.plant import (
     add_robot_model,
     drake_messages,
     fix_free_joints,
-    remove_from_links,
+    without_shapes,
 )
 from arm_drake.worlds.sdf_world import LoadedWorld
 from arm_drake.worlds.world import World
@@ -591,10 +589,7 @@ def _spread(count: int) -> tuple[float, ...]:
 
 def add_colliding_robot(plant: MultibodyPlant, robot: Robot) -> ModelInstanceIndex:
     """Add a robot's links that collide, its base fixed."""
-    root = copy.deepcopy(robot.description.root)
-    remove_from_links(root, "visual")
-    fix_free_joints(root)
-    description = dc.replace(robot.description, root=root)
+    description = fix_free_joints(without_shapes(robot.description, "visuals"))
     return add_robot_model(plant, description, robot.name, robot.pose)
 
 

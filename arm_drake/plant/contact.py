@@ -12,7 +12,6 @@ do, and contact takes less time.
 """
 
 import contextlib
-import copy
 import dataclasses as dc
 import itertools
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -48,8 +47,8 @@ from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, RigidBody, wor
 from pydrake.systems.framework import BasicVector, Context, Diagram
 
 from arm_drake.arrays import Array
+from arm_drake.description.links import ShapeInfo
 from arm_drake.description.meshes.conversion import convert_surface
-from arm_drake.description.repairs import SOURCE, SOURCE_SCALE
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.messages.sensors import ContactsState
 from arm_drake.python_system import PythonSystem
@@ -412,15 +411,23 @@ def with_surfaces(
     description: RobotDescription, links: Collection[str]
 ) -> RobotDescription:
     """Return a description whose collision meshes are surfaces, not hulls."""
-    root = copy.deepcopy(description.root)
-    for link in root.iterfind("link"):
-        if link.get("name") not in links:
-            continue
-        for mesh in link.iterfind("collision/geometry/mesh"):
-            if mesh.get(SOURCE) is None:
-                continue
-            x, y, z = map(float, mesh.attrib[SOURCE_SCALE].split())
-            surface = convert_surface(Path(mesh.attrib[SOURCE]), (x, y, z))
-            if surface is not None:
-                mesh.set("filename", surface.as_uri())
-    return dc.replace(description, root=root)
+    return dc.replace(
+        description,
+        link_infos=tuple(
+            dc.replace(link, collisions=tuple(map(_with_surface, link.collisions)))
+            if link.name in links
+            else link
+            for link in description.link_infos
+        ),
+    )
+
+
+def _with_surface(shape: ShapeInfo) -> ShapeInfo:
+    """Return a shape to collide with, as a surface where it is the hull of a mesh."""
+    mesh = shape.geometry
+    if not mesh.source:
+        return shape
+    surface = convert_surface(Path(mesh.source), mesh.source_scale)
+    if surface is None:
+        return shape
+    return dc.replace(shape, geometry=dc.replace(mesh, filename=surface.as_uri()))

@@ -1,12 +1,12 @@
 """A robot's model in a MultibodyPlant, with one actuator per commanded joint."""
 
 import contextlib
-import copy
+import dataclasses as dc
 import logging
 import math
 import weakref
-import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, Literal
 
 import numpy as np
 from pydrake.common import use_native_cpp_logging
@@ -39,11 +39,11 @@ from pydrake.multibody.tree import (
 )
 from pydrake.systems.framework import DiagramBuilder
 
-from arm_drake.description.joints import FREE_TYPES, WORLD
+from arm_drake.description.joints import FREE_TYPES, WORLD, JointInfo
 from arm_drake.description.links import Origin
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose, Robot
-from arm_drake.description.urdf import RobotDescription
+from arm_drake.description.urdf import RobotDescription, write_urdf
 from arm_drake.errors import DescriptionError, InputError
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.payloads import Payload, add_payloads
@@ -158,18 +158,16 @@ def add_robot_model(
     servo computes with. DescriptionError if Drake refuses it.
     """
     X_WB = transform_of(pose)
-    root = copy.deepcopy(description.root)
-    root.set("name", name)
     if is_reduced:
-        remove_from_links(root, "visual", "collision")
-        fix_free_joints(root)
+        description = fix_free_joints(without_shapes(description))
     elif not collides:
-        remove_from_links(root, "collision")
+        description = without_shapes(description, "collisions")
+    joints = description.joints
     if pose is not None:
-        _move_what_is_on_the_world(root, description, X_WB)
+        joints = tuple(_moved_with_base(joint, X_WB) for joint in joints)
+    text = write_urdf(name, description.link_infos, joints)
     parser = Parser(plant)
     parser.SetAutoRenaming(True)
-    text = ET.tostring(root, encoding="unicode")
     try:
         with drake_messages() as messages:
             (model,) = parser.AddModelsFromString(text, "urdf")
@@ -316,30 +314,32 @@ def trial_plant(robot: Robot, report: LoadReport | None = None) -> MultibodyPlan
     return plant
 
 
-def _move_what_is_on_the_world(
-    root: ET.Element, description: RobotDescription, X_WB: RigidTransform
-) -> None:
-    """Move the joints on a link called "world", which is the world itself."""
-    origins = {j.name: j.origin for j in description.joints if j.parent == WORLD}
-    for joint in root.iterfind("joint"):
-        origin = origins.get(joint.get("name", ""))
-        if origin is not None:
-            _set_origin(joint, X_WB @ origin_transform(origin))
+def _moved_with_base(joint: JointInfo, X_WB: RigidTransform) -> JointInfo:
+    """Return a joint; one on a link called "world", the world itself, moves."""
+    if joint.parent != WORLD:
+        return joint
+    X_WP = X_WB @ origin_transform(joint.origin)
+    rpy = RollPitchYaw(X_WP.rotation()).vector()
+    xyz, rpy = X_WP.translation().tolist(), rpy.tolist()
+    return dc.replace(joint, origin=Origin((*xyz,), (*rpy,)))
 
 
-def remove_from_links(root: ET.Element, *tags: str) -> None:
-    """Remove what links of a description have by these tags."""
-    for link in root.iterfind("link"):
-        for tag in tags:
-            for element in link.findall(tag):
-                link.remove(element)
+def without_shapes(
+    description: RobotDescription, *kinds: Literal["visuals", "collisions"]
+) -> RobotDescription:
+    """Return a description without what is drawn or collides; by default both."""
+    none: dict[str, Any] = dict.fromkeys(kinds or ("visuals", "collisions"), ())
+    links = tuple(dc.replace(link, **none) for link in description.link_infos)
+    return dc.replace(description, link_infos=links)
 
 
-def fix_free_joints(root: ET.Element) -> None:
-    """Fix the joints of a description that have several degrees of freedom."""
-    for joint in root.iterfind("joint"):
-        if joint.get("type") in FREE_TYPES:
-            joint.set("type", "fixed")
+def fix_free_joints(description: RobotDescription) -> RobotDescription:
+    """Return a description whose joints of several degrees of freedom are fixed."""
+    joints = tuple(
+        dc.replace(joint, type="fixed") if joint.type in FREE_TYPES else joint
+        for joint in description.joints
+    )
+    return dc.replace(description, joints=joints)
 
 
 def add_actuators(
@@ -460,12 +460,3 @@ def read_pose(pose: RigidTransform | Sequence[float]) -> RigidTransform:
 def origin_transform(origin: Origin) -> RigidTransform:
     """Return an `<origin>` as a transform."""
     return RigidTransform(RollPitchYaw(np.array(origin.rpy)), origin.position)
-
-
-def _set_origin(joint: ET.Element, X_WP: RigidTransform) -> None:
-    origin = joint.find("origin")
-    if origin is None:
-        origin = ET.SubElement(joint, "origin")
-    rpy = RollPitchYaw(X_WP.rotation()).vector()
-    for attribute, values in (("xyz", X_WP.translation()), ("rpy", rpy)):
-        origin.set(attribute, " ".join(repr(float(value)) for value in values))

@@ -28,6 +28,7 @@ from pydrake.systems.framework import Context, Diagram
 import arm_drake as ad
 from arm_drake.description.inertia import repair_inertials
 from arm_drake.description.report import LoadReport
+from arm_drake.description.urdf import write_urdf
 from tests.robots import (
     load_real_robot,
     read_index,
@@ -258,21 +259,23 @@ def test_drake_takes_the_repaired_inertias_as_they_are(
     case: Case, caplog: pytest.LogCaptureFixture
 ) -> None:
     description = case.robot.description
+    links, joints = description.link_infos, description.joints
     report = LoadReport(case.robot.report)
-    root = ET.fromstring(description.urdf)  # noqa: S314  our own.
     plant = MultibodyPlant(0.001)
 
-    repair_inertials(root, report, description.file)
+    links = repair_inertials(links, joints, report, description.file)
 
+    text = write_urdf("robot", links, joints)
     # Only what the survey of these robots found is repaired, and all of it.
     assert bool(repaired_links(report)) == case.is_unphysical
     with caplog.at_level(logging.WARNING, logger="drake"):
-        Parser(plant).AddModelsFromString(ET.tostring(root, encoding="unicode"), "urdf")
+        Parser(plant).AddModelsFromString(text, "urdf")
     messages = [record.getMessage() for record in caplog.records]
     assert not [message for message in messages if "inertia" in message]
     for link in description.roots:
         plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(link))
     plant.Finalize()
+    root = ET.fromstring(text)  # noqa: S314  our own.
     check_dynamics(case, make_reference(root), plant, ModelInstanceIndex(2))
     Simulator(plant).AdvanceTo(0.002)
 

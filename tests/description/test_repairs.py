@@ -13,11 +13,9 @@ from pydrake.geometry import SceneGraph
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
-from arm_drake.description.packages import PackageFinder
-from arm_drake.description.repairs import normalise
-from arm_drake.description.report import LoadReport
 from arm_drake.errors import DescriptionError
 from tests.description.patience import within
+from tests.description.reading import read_and_write
 
 
 @pytest.fixture(autouse=True)
@@ -31,9 +29,7 @@ def repair(tmp_path):
     file = tmp_path / "arm.urdf"
 
     def repair_text(body: str) -> tuple[ET.Element, list[str]]:
-        root = ET.XML(f'<robot name="r">{body}</robot>')
-        report = LoadReport()
-        normalise(root, file, PackageFinder(file), report)
+        root, report = read_and_write(body, file)
         return root, [str(entry).replace(f"{file}: ", "") for entry in report]
 
     return repair_text
@@ -44,6 +40,13 @@ def hinge(body: str = "", *, parent="a", child="b", type="revolute") -> str:
         f'<joint name="{child}_joint" type="{type}"><parent link="{parent}"/>'
         f'<child link="{child}"/>{body}</joint>'
     )
+
+
+AB = '<link name="a"/><link name="b"/>'
+
+
+def limits(root: ET.Element) -> dict[str, float]:
+    return {name: float(end) for name, end in root.find("joint/limit").attrib.items()}
 
 
 def visual(shape: str, more: str = "", *, tag="visual") -> str:
@@ -81,38 +84,38 @@ def test_tags_of_others_are_removed_and_transmissions_reported(repair):
 def test_an_unset_effort_or_speed_limit_is_removed(repair, unset):
     limit = f'<limit lower="-1" upper="1" effort="{unset}" velocity="{unset}"/>'
 
-    root, _ = repair(f'<link name="a"/>{hinge(limit)}')
+    root, _ = repair(f"{AB}{hinge(limit)}")
 
-    assert root.find("joint/limit").attrib == {"lower": "-1", "upper": "1"}
+    assert limits(root) == {"lower": -1.0, "upper": 1.0}
 
 
 def test_other_limits_stay(repair):
     limit = '<limit lower="-1" upper="1" effort="2" velocity="3"/>'
 
-    root, _ = repair(f'<link name="a"/>{hinge(limit)}')
+    root, _ = repair(f"{AB}{hinge(limit)}")
 
-    attributes = {"lower": "-1", "upper": "1", "effort": "2", "velocity": "3"}
-    assert root.find("joint/limit").attrib == attributes
+    expected = {"lower": -1.0, "upper": 1.0, "effort": 2.0, "velocity": 3.0}
+    assert limits(root) == expected
 
 
 def test_a_continuous_joint_loses_its_range(repair):
     limit = '<limit lower="-1" upper="1" effort="2" velocity="3"/>'
 
-    root, _ = repair(f'<link name="a"/>{hinge(limit, type="continuous")}')
+    root, _ = repair(f"{AB}{hinge(limit, type='continuous')}")
 
-    assert root.find("joint/limit").attrib == {"effort": "2", "velocity": "3"}
+    assert limits(root) == {"effort": 2.0, "velocity": 3.0}
 
 
 def test_friction_calibration_and_safety_are_removed_and_damping_stays(repair):
     root, _ = repair(
-        '<link name="a"/>'
+        AB
         + hinge(
             '<dynamics damping="1" friction="2"/><calibration/><safety_controller/>'
         )
     )
 
     joint = root.find("joint")
-    assert joint.find("dynamics").attrib == {"damping": "1"}
+    assert joint.find("dynamics").attrib == {"damping": "1.0"}
     assert joint.find("calibration") is None
     assert joint.find("safety_controller") is None
 
@@ -306,9 +309,11 @@ def test_an_unusable_geometry_is_left_out(repair, shape, problem, tag):
 def test_a_primitive_stays(repair, shape):
     root, lines = repair(visual(shape))
 
-    assert ET.tostring(root.find("link/visual/geometry")[0], encoding="unicode") == (
-        shape.replace("/>", " />")
-    )
+    expected, written = ET.XML(shape), root.find("link/visual/geometry")[0]
+    assert written.tag == expected.tag
+    for name, sizes in expected.attrib.items():
+        found = [float(size) for size in written.attrib[name].split()]
+        assert found == [float(size) for size in sizes.split()]
     assert lines == []
 
 
@@ -398,7 +403,7 @@ def test_a_mesh_of_a_missing_package_is_left_out(repair, tag, severity):
         ),
         (
             '<link name="a"><inertial><mass value="1 kg"/></inertial></link>',
-            "link 'a': <mass value>: expected numbers, got '1 kg'",
+            "link 'a': <mass value>: expected a finite number, got '1 kg'",
         ),
         (
             '<link name="a"><inertial><mass value="nan"/></inertial></link>',
@@ -422,7 +427,7 @@ def test_a_mesh_of_a_missing_package_is_left_out(repair, tag, severity):
         ),
         (
             hinge('<limit effort="a lot"/>'),
-            "joint 'b_joint': expected numbers, got 'a lot'",
+            "joint 'b_joint': <limit effort>: expected a number, got 'a lot'",
         ),
     ],
 )

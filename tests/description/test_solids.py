@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 
 from arm_drake.description.inertia import Inertial, link_solid, polyhedron
-from arm_drake.description.links import LinkInfo, read_link, read_origin
+from arm_drake.description.links import (
+    Geometry,
+    LinkInfo,
+    Origin,
+    ShapeInfo,
+    read_origin,
+)
 from arm_drake.description.meshes.conversion import convert_visual
 from arm_drake.description.report import LoadReport
 
@@ -18,36 +24,43 @@ CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]], float)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
 
-def link(*elements: str, tag="collision") -> LinkInfo:
-    texts = "".join(f"<{tag}>{element}</{tag}>" for element in elements)
-    return read_link(ET.XML(f"<link>{texts}</link>"))
+def link(*shapes: ShapeInfo, tag="collision") -> LinkInfo:
+    return dc.replace(LinkInfo("a"), **{f"{tag}s": shapes})
 
 
-def shape(text: str, origin: str = "") -> str:
-    return f"<geometry>{text}</geometry>{origin}"
+def shape(type: str, origin: Origin | None = None, **sizes) -> ShapeInfo:
+    return ShapeInfo(Geometry(type, **sizes), origin or Origin())
 
 
-def read(*elements: str, tag="collision") -> Inertial:
-    found = link_solid(link(*elements, tag=tag))
+def box(*size: float, origin: Origin | None = None) -> ShapeInfo:
+    return shape("box", origin, size=size)
+
+
+def mesh(path: Path) -> ShapeInfo:
+    return shape("mesh", filename=path.as_uri())
+
+
+def read(*shapes: ShapeInfo, tag="collision") -> Inertial:
+    found = link_solid(link(*shapes, tag=tag))
     assert found is not None
     return found[0]
 
 
 # Shape, volume, moments about its centre.
 PRIMITIVES = [
-    ('<box size="1 2 3"/>', 6.0, [6.5, 5.0, 2.5]),
-    ('<sphere radius="1"/>', 4 / 3 * math.pi, [8 / 15 * math.pi] * 3),
+    (box(1, 2, 3), 6.0, [6.5, 5.0, 2.5]),
+    (shape("sphere", radius=1), 4 / 3 * math.pi, [8 / 15 * math.pi] * 3),
     (
-        '<cylinder radius="1" length="6"/>',
+        shape("cylinder", radius=1, length=6),
         6 * math.pi,
         [19.5 * math.pi, 19.5 * math.pi, 3 * math.pi],
     ),
 ]
 
 
-@pytest.mark.parametrize(("text", "volume", "moments"), PRIMITIVES)
-def test_a_primitive_has_the_inertia_of_the_textbook(text, volume, moments):
-    solid = read(shape(text))
+@pytest.mark.parametrize(("primitive", "volume", "moments"), PRIMITIVES)
+def test_a_primitive_has_the_inertia_of_the_textbook(primitive, volume, moments):
+    solid = read(primitive)
 
     assert solid.mass == pytest.approx(volume)
     np.testing.assert_allclose(solid.center, 0.0)
@@ -62,7 +75,7 @@ def test_a_capsule_has_the_inertia_of_its_slices():
     square = radius**2 - beyond**2
     slices = math.pi * square * (length + 2 * radius) / n
 
-    solid = read(shape(f'<capsule radius="{radius}" length="{length}"/>'))
+    solid = read(shape("capsule", radius=radius, length=length))
 
     across = slices @ (square / 4 + z**2)
     expected = np.diag([across, across, slices @ square / 2])
@@ -72,9 +85,9 @@ def test_a_capsule_has_the_inertia_of_its_slices():
 
 def test_origins_turn_and_move_a_shape():
     # x of the box, 3 long, points along y of the link.
-    origin = f'<origin xyz="4 5 6" rpy="0 0 {math.pi / 2!r}"/>'
+    origin = Origin((4.0, 5.0, 6.0), (0.0, 0.0, math.pi / 2))
 
-    solid = read(shape('<box size="3 2 1"/>', origin))
+    solid = read(box(3, 2, 1, origin=origin))
 
     np.testing.assert_allclose(solid.center, [4.0, 5.0, 6.0])
     np.testing.assert_allclose(
@@ -87,7 +100,7 @@ def test_roll_pitch_and_yaw_turn_about_fixed_axes():
     half = repr(math.pi / 2)
     element = ET.XML(f'<a><origin rpy="{half} {half} {half}"/></a>')
 
-    origin = read_origin(element)
+    origin = read_origin(element, Path("arm.urdf"), "a")
 
     R = origin.rotation
     np.testing.assert_allclose(R, [[0, 0, 1], [0, 1, 0], [-1, 0, 0]], atol=1e-15)
@@ -95,9 +108,7 @@ def test_roll_pitch_and_yaw_turn_about_fixed_axes():
 
 
 def test_two_halves_of_a_box_are_the_box():
-    halves = [
-        shape('<box size="1 2 1.5"/>', f'<origin xyz="1 1 {z}"/>') for z in (1, 2.5)
-    ]
+    halves = [box(1, 2, 1.5, origin=Origin((1.0, 1.0, z))) for z in (1.0, 2.5)]
 
     solid = read(*halves)
 
@@ -127,23 +138,23 @@ def write_obj(folder: Path) -> Path:
 
 
 def test_a_converted_collision_mesh_counts_as_its_hull(tmp_path):
-    solid = read(shape(f'<mesh filename="{write_obj(tmp_path).as_uri()}"/>'))
+    solid = read(mesh(write_obj(tmp_path)))
 
     assert solid.mass == pytest.approx(1.0)
     np.testing.assert_allclose(solid.center, [0.25, 0.5, 0.75])
 
 
 def test_a_converted_visual_mesh_counts_as_the_box_around_it(tmp_path):
-    mesh = convert_visual(
+    converted = convert_visual(
         write_obj(tmp_path),
         (1.0, 1.0, 1.0),
         LoadReport(),
         where="",
         cache_dir=tmp_path / "c d",
     )
-    assert mesh is not None
+    assert converted is not None
 
-    solid = read(shape(f'<mesh filename="{mesh.as_uri()}"/>'), tag="visual")
+    solid = read(mesh(converted), tag="visual")
 
     assert solid.mass == pytest.approx(6.0)
     np.testing.assert_allclose(solid.center, [0.5, 1.0, 1.5])
@@ -151,8 +162,8 @@ def test_a_converted_visual_mesh_counts_as_the_box_around_it(tmp_path):
 
 
 def test_collision_geometry_comes_before_visual():
-    solid = link(shape('<sphere radius="1"/>'))
-    seen = link(shape('<sphere radius="2"/>'), tag="visual")
+    solid = link(shape("sphere", radius=1))
+    seen = link(shape("sphere", radius=2), tag="visual")
 
     found = link_solid(dc.replace(solid, visuals=seen.visuals))
 
@@ -161,7 +172,8 @@ def test_collision_geometry_comes_before_visual():
     assert found[0].mass == pytest.approx(4 / 3 * math.pi)
 
 
-BOX = shape('<box size="1 1 1"/>')
+BOX = box(1, 1, 1)
+NOTHING = box(1e-20, 1e-20, 1e-20)
 
 
 @pytest.mark.parametrize(
@@ -178,27 +190,22 @@ BOX = shape('<box size="1 1 1"/>')
         ),
         ("visual", (BOX,), "its visual geometry, with the boxes around its meshes"),
         # What has no volume isn't estimated from.
-        ("collision", ("",), "the convex hull of its collision mesh"),
+        ("collision", (NOTHING,), "the convex hull of its collision mesh"),
     ],
 )
 def test_what_stands_for_a_mesh_is_named(tmp_path, tag, others, name):
-    mesh = shape(f'<mesh filename="{write_obj(tmp_path).as_uri()}"/>')
-    texts = [mesh if other is None else other for other in others]
+    hull = mesh(write_obj(tmp_path))
+    shapes = [other or hull for other in others]
 
-    found = link_solid(link(mesh, *texts, tag=tag))
+    found = link_solid(link(hull, *shapes, tag=tag))
 
     assert found is not None
     assert found[1] == name
 
 
 @pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "<geometry/>",
-        shape('<box size="1e-20 1e-20 1e-20"/>'),
-        shape('<mesh filename="package://a/b.stl"/>'),
-    ],
+    "shapes",
+    [(), (NOTHING,), (shape("mesh", filename="package://a/b.stl"),)],
 )
-def test_what_has_no_volume_is_no_solid(text):
-    assert link_solid(link(text)) is None
+def test_what_has_no_volume_is_no_solid(shapes):
+    assert link_solid(link(*shapes)) is None

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from arm_drake.description.joints import JointInfo, JointLimits, Mimic
+from arm_drake.description.links import InertialInfo
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.description.urdf import RobotDescription, parse_urdf
@@ -37,13 +38,13 @@ def read_joint(*args, **kwargs) -> JointInfo:
     return parse(LINKS + joint(*args, **kwargs)).joint("j")
 
 
-def test_descriptions_are_equal_if_their_trees_say_the_same():
+def test_descriptions_are_equal_if_they_say_the_same():
     robot = parse(LINKS + joint())
-    changed = copy.deepcopy(robot.root)
-    changed.find("link").set("name", "other")
+    first, *others = robot.link_infos
+    changed = dc.replace(first, inertial=InertialInfo(1.0))
 
     assert robot == copy.deepcopy(robot)
-    assert robot != dc.replace(robot, root=changed)
+    assert robot != dc.replace(robot, link_infos=(changed, *others))
 
 
 def test_a_robot_has_the_names_of_its_links_and_joints_in_order():
@@ -234,31 +235,31 @@ def test_a_text_that_is_no_robot_is_an_error(text, message):
         ),
         (
             LINKS + joint('<mimic joint="j" multiplier="x"/>'),
-            "joint 'j': multiplier: expected a number, got 'x'",
+            "joint 'j': <mimic multiplier>: expected a finite number, got 'x'",
         ),
         (
             LINKS + joint('<mimic joint="j" offset="x"/>'),
-            "joint 'j': offset: expected a number, got 'x'",
+            "joint 'j': <mimic offset>: expected a finite number, got 'x'",
         ),
         (
             LINKS + joint(limit='lower="low"'),
-            "joint 'j': lower: expected a number, got 'low'",
+            "joint 'j': <limit lower>: expected a number, got 'low'",
         ),
         (
             LINKS + joint(limit='upper="nan"'),
-            "joint 'j': upper: expected a number, got 'nan'",
+            "joint 'j': <limit upper>: expected a number, got 'nan'",
         ),
         (
             LINKS + joint(limit='effort="1,5"'),
-            "joint 'j': effort: expected a number, got '1,5'",
+            "joint 'j': <limit effort>: expected a number, got '1,5'",
         ),
         (
             LINKS + joint(limit='velocity=""'),
-            "joint 'j': velocity: expected a number, got ''",
+            "joint 'j': <limit velocity>: expected a number, got ''",
         ),
         (
             LINKS + joint(limit='effort="1_0"'),
-            "joint 'j': effort: expected a number, got '1_0'",
+            "joint 'j': <limit effort>: expected a number, got '1_0'",
         ),
         (
             LINKS + joint(parent="a", child="world"),
@@ -274,11 +275,11 @@ def test_a_text_that_is_no_robot_is_an_error(text, message):
         ),
         (
             LINKS + joint('<dynamics damping="x"/>'),
-            "joint 'j': damping: expected a number, got 'x'",
+            "joint 'j': <dynamics damping>: expected a finite number, got 'x'",
         ),
         (
             LINKS + joint('<dynamics friction="x"/>'),
-            "joint 'j': friction: expected a number, got 'x'",
+            "joint 'j': <dynamics friction>: expected a finite number, got 'x'",
         ),
     ],
 )

@@ -47,11 +47,13 @@ import json, sys
 from pydrake.multibody.plant import MultibodyPlant
 import arm_drake as ad
 from arm_drake.description.report import LoadReport
+from arm_drake.plant import plant as mut
 from arm_drake.plant.plant import add_robot_model
 
 robot = ad.load_robot(sys.argv[1])
-# As if something odd had not been removed.
-robot.description.root.find("link").set("type", "x")
+# As if something odd were written.
+write = mut.write_urdf
+mut.write_urdf = lambda *robot: write(*robot).replace("<link", '<link type="x"', 1)
 report = LoadReport()
 plant = MultibodyPlant(0.01)
 add_robot_model(plant, robot.description, "robot", None, report=report)

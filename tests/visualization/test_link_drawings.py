@@ -1,7 +1,5 @@
 """What is drawn beside visual shapes is where, and as large, as mechanics has it."""
 
-import dataclasses as dc
-import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
@@ -473,9 +471,9 @@ def test_bodies_that_the_description_lacks_move_with_their_carrier(
     arm = models.joint("lift", "base", "arm")
     axle = models.joint("axle", "arm", "base:wheel", xyz="0 0.3 0", type="continuous")
     described = described.replace("</robot>", f"{arm}</robot>")
+    rolling = described.replace("</robot>", f"{wheel}{axle}</robot>")
     description = models.load(tmp_path, described).description
-    urdf = description.urdf.replace("</robot>", f"{wheel}{axle}</robot>")
-    robot = scene.place(dc.replace(description, root=ET.XML(urdf)))
+    robot = scene.place(models.load(tmp_path, rolling).description)
     robot, meshcat = robot._replace(description=description), scene.start()
     drawings = draw(robot, meshcat)
     drawings.show("collision")
