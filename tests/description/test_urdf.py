@@ -47,6 +47,51 @@ def test_descriptions_are_equal_if_they_say_the_same():
     assert robot != dc.replace(robot, link_infos=(changed, *others))
 
 
+WHOLE = """
+<material name="m"><color rgba="0.1 0.2 0.3 0.4"/></material>
+<link name="a &amp; &quot;b&quot;">
+  <inertial><origin xyz="0.1 0.2 0.3" rpy="0.3 0.2 0.1"/><mass value="0.7"/>
+  <inertia ixx="0.11" ixy="0.001" ixz="0.002" iyy="0.12" iyz="0.003" izz="0.13"/>
+  </inertial>
+  <visual name="v"><origin rpy="0.1 0 0"/><geometry><box size="0.1 0.2 0.3"/></geometry>
+  <material name="m"/></visual>
+  <visual><geometry><capsule radius="0.1" length="0.7"/></geometry></visual>
+  <collision name="c"><geometry><sphere radius="0.1"/></geometry></collision>
+  <collision><geometry><cylinder radius="0.1" length="0.3"/></geometry></collision>
+</link>
+<link name="c"><inertial><mass value="1e-7"/>
+<inertia ixx="1e-9" ixy="0" ixz="0" iyy="1e-9" iyz="0" izz="1e-9"/></inertial></link>
+<link name="d"><inertial><mass value="1"/>
+<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+<link name="tip"/>
+<joint name="j" type="revolute"><parent link="a &amp; &quot;b&quot;"/><child link="c"/>
+<origin xyz="0.1 -0.1 1e-17" rpy="0.7 0 0"/><axis xyz="0.6 0 0.8"/>
+<limit lower="-0.1" upper="0.3" effort="0.7" velocity="0.9"/><dynamics damping="0.1"/>
+</joint>
+<joint name="k" type="prismatic"><parent link="c"/><child link="d"/>
+<limit upper="0.1" effort="1" velocity="1"/>
+<mimic joint="j" multiplier="-0.1" offset="0.3"/></joint>
+<joint name="f" type="fixed"><parent link="d"/><child link="tip"/></joint>
+"""
+
+
+def test_what_is_written_is_what_was_read_to_the_bit():
+    robot = parse(WHOLE)
+
+    again = parse_urdf(robot.urdf, FILE, PackageFinder(FILE), LoadReport())
+
+    assert again.link_infos == robot.link_infos
+    assert again.joints == robot.joints
+    first = robot.link_infos[0]
+    assert first.name == 'a & "b"'
+    assert (first.mass, first.inertial.origin.rpy) == (0.7, (0.3, 0.2, 0.1))
+    assert first.inertial.moments == (0.11, 0.001, 0.002, 0.12, 0.003, 0.13)
+    assert [v.geometry.type for v in first.visuals] == ["box", "capsule"]
+    assert first.visuals[0].color == (0.1, 0.2, 0.3, 0.4)
+    assert [c.name for c in first.collisions] == ["c", ""]
+    assert robot.joint("k").limits == JointLimits(0.0, 0.1, 1.0, 1.0)
+
+
 def test_a_robot_has_the_names_of_its_links_and_joints_in_order():
     robot = parse(
         '<link name="world"/><link name="b"/><link name="a"/>'
