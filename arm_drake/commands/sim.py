@@ -361,11 +361,13 @@ def _show_live(options: argparse.Namespace, live: "LiveSimulation") -> None:
         find_part(live.parts, Displays).show(topic)
 
 
-def _end_recording(live: "LiveSimulation") -> None:
-    """Leave out what would stand still in a recording of a page."""
-    live.views.end_recording()
-    for part in live.parts:
-        part.end_recording()
+def _end_run(live: "LiveSimulation") -> None:
+    """Report tasks that aren't done; leave out what would stand still in a film."""
+    live.give_up()
+    if live.page.is_alive:
+        live.views.end_recording()
+        for part in live.parts:
+            part.end_recording()
 
 
 def _measure(run: Callable[[], None], simulation: Simulation, say: Speaker) -> float:
@@ -427,9 +429,8 @@ def _simulate_live(options: argparse.Namespace, scene: Scene, say: Speaker) -> i
 
         with interrupting(live.stop) as is_interrupted:
             _measure(run, simulation, say)
+        _end_run(live)
         alive = page.meshcat if page.is_alive else None
-        if alive is not None:
-            _end_recording(live)
         if is_over := is_interrupted() or live.is_ended:
             say.line(f"stopped at {simulation.time:.2f} s")
         code = _finish(options, simulation, live.wall_time, alive, say)
