@@ -540,6 +540,10 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
             "--hold is for the page, and with --headless there is none",
         ),
         (
+            ["doosan_a0912", "--host", "*"],
+            "--host is for the page, and with --headless there is none",
+        ),
+        (
             ["doosan_a0912", "--port", "7001"],
             "--port is for the page, and with --headless there is none",
         ),

@@ -13,6 +13,7 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram
 
 from arm_drake import yaml_files
+from arm_drake.commands.arguments import OF_PAGES, check_pageless
 from arm_drake.commands.output import (
     Speaker,
     camera_images,
@@ -210,10 +211,9 @@ def simulate(options: argparse.Namespace, scene: Scene | Robot) -> int:
 
 def _check_words(options: argparse.Namespace) -> None:
     """Raise InputError for what doesn't go together, or can't be written."""
-    for word in ("wait", "hold", "open", "port", "paused", "curve", "keyboard"):
-        if options.headless and getattr(options, word):
-            text = f"--{word} is for the page, and with --headless there is none"
-            raise InputError(text)
+    if options.headless:
+        words = (*OF_PAGES, "wait", "hold", "paused", "curve", "keyboard")
+        check_pageless(options, "--headless", words)
     if options.log_images and (options.log is None or options.log.suffix == ".csv"):
         text = "--log-images says what else --log holds: give a .npz or .mcap file"
         raise InputError(text)
