@@ -210,14 +210,8 @@ def add_ros_arguments(parser: argparse.ArgumentParser) -> None:
         help="let programs that speak ROS 2 in: rosbridge, foxglove, zenoh (by default "
         "rosbridge, and foxglove if it is installed); until Ctrl-C, at real time",
     )
-    add("--ros-host", metavar="HOST", default="127.0.0.1", help="where to listen")
-    add(
-        "--ros-domain",
-        metavar="N",
-        type=int,
-        default=0,
-        help="ROS_DOMAIN_ID, for zenoh (0)",
-    )
+    add("--ros-host", metavar="HOST", help="where to listen (127.0.0.1)")
+    add("--ros-domain", metavar="N", type=int, help="ROS_DOMAIN_ID, for zenoh (0)")
     add(
         "--ros-origin",
         metavar="URL",

@@ -214,6 +214,9 @@ def _check_words(options: argparse.Namespace) -> None:
     if options.headless:
         words = (*OF_PAGES, "wait", "hold", "paused", "curve", "keyboard")
         check_pageless(options, "--headless", words)
+    for word in ("ros-host", "ros-domain", "ros-origin"):
+        if options.ros is None and getattr(options, word.replace("-", "_")):
+            raise InputError(f"--{word} is of what --ros lets in; give that, too")
     if options.log_images and (options.log is None or options.log.suffix == ".csv"):
         text = "--log-images says what else --log holds: give a .npz or .mcap file"
         raise InputError(text)
