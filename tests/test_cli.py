@@ -506,6 +506,10 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
             "house_table, void, or a .world or .sdf file",
         ),
         (
+            ["doosan_a0912", "--motion", "/"],
+            "/: is a folder; expected the YAML file of a motion",
+        ),
+        (
             ["doosan_a0912", "--inactive", "jtc"],
             f"no controller 'jtc'; known: {BUMPER}, joint_state_broadcaster, {JTC}",
         ),

@@ -48,7 +48,10 @@ def find_launch_file(
     if name is None:
         if path.is_dir():
             names = sorted({f.name for f in path.rglob("*") if is_launch_file(f)})
-            text = f"is a folder; name one of its launch files, too: {', '.join(names)}"
+            text = "is a folder without launch files; expected a launch file"
+            if names:
+                text = "is a folder; name one of its launch files, too: "
+                text += ", ".join(names)
             raise InputError(text, file=path)
         if not path.is_file():
             text = "no such launch file; expected a file, or a package and a file"

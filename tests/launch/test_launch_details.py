@@ -57,6 +57,8 @@ def test_what_names_no_launch_file_is_reported(package: Path) -> None:
 
     with pytest.raises(InputError, match=r"is a folder; .*, too: test.launch.py"):
         ad.load_launch(package)
+    with pytest.raises(InputError, match="is a folder without launch files; expected"):
+        ad.load_launch(package / "config")
     with pytest.raises(InputError, match="'side': expected an argument as NAME:=VALUE"):
         ad.load_launch(path, "side")
 

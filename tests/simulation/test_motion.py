@@ -841,6 +841,18 @@ def test_a_text_that_is_no_yaml_is_one_located_message(load, tmp_path, text, mes
     assert str(caught.value) == f"{tmp_path / 'motion.yaml'}{message}"
 
 
+@pytest.mark.parametrize("name", ["motions", "motions.d"])
+def test_a_folder_is_an_error(tmp_path, name):
+    path = tmp_path / name
+    path.mkdir()
+
+    with pytest.raises(MotionError) as caught:
+        load_motion(path)
+
+    text = "is a folder; expected the YAML file of a motion"
+    assert str(caught.value) == f"{path}: {text}"
+
+
 def test_a_missing_file_is_an_error(tmp_path):
     path = tmp_path / "motion.yaml"
 
