@@ -69,7 +69,8 @@ def find_launch_file(
     else:
         finder = PackageFinder(Path.cwd() / "launch", package_paths)
         try:
-            folder = finder.find(str(source))
+            # Links of the finder to what is installed elsewhere end with it.
+            folder = finder.source(str(source))
         except PackageError as error:
             raise InputError(error.problem) from None
         if report is not None:

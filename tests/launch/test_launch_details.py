@@ -74,6 +74,19 @@ def test_of_several_copies_of_a_package_the_one_that_is_taken_is_said(
     assert plan.robots[0].source.is_relative_to(near)
 
 
+@pytest.mark.slow
+def test_a_launch_file_that_is_installed_elsewhere_is_found(package: Path) -> None:
+    file = describe(package, "publisher(),")
+    (package / "CMakeLists.txt").write_text(
+        "project(pendulum_bringup)\n"
+        "install(DIRECTORY launch/ DESTINATION share/${PROJECT_NAME})\n"
+    )
+
+    plan = ad.load_launch(package.name, file.name, package_paths=[package])
+
+    assert plan.file == file
+
+
 def test_of_several_files_in_a_package_none_is_taken(package: Path) -> None:
     one = describe(package, "publisher(),")
     other = package / "other" / one.name
