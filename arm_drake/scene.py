@@ -341,6 +341,7 @@ def read_file(path: str | Path, read: "Callable[[Value], _T]", expected: str) ->
         node = yaml_files.compose(yaml_files.read_text(path))
         if node is None:
             raise InputError(f"it is empty; expected {expected}", file=path)
+        yaml_files.check_keys(node)
         return read(Value(path, node, ""))
     except yaml_files.YamlError as error:
         raise InputError(error.problem, file=path, line=error.line) from None

@@ -310,6 +310,10 @@ UNKNOWN = [
         "1: things: something else is called 'a'; give it another name",
     ),
     (
+        f"{robot('name: a')}  pose: [0, 0, 1]\n  name: b\n",
+        "5: the key 'name' stands twice",
+    ),
+    (
         f"{thing(BALL)}world: emty",
         "3: world: unknown world 'emty'; did you mean 'empty'? known: empty, house, "
         "house_table, void, or a .world or .sdf file",

@@ -622,6 +622,8 @@ def load_motion(
         raise MotionError(text, file=path)
     try:
         node = yaml_files.compose(yaml_files.read_text(path))
+        if node is not None:
+            yaml_files.check_keys(node)
         data = None if node is None else yaml_files.plain(node)
     except yaml_files.YamlError as error:
         raise MotionError(error.problem, file=path, line=error.line) from None
