@@ -744,11 +744,11 @@ def test_an_error_of_a_list_in_python_has_no_file():
         ),
         (
             goal("{points: [{time_from_start: soon}]}"),
-            f"[0].goal.points[0]: time_from_start: {TIME}, got 'soon'",
+            f"[0].goal.points[0].time_from_start: {TIME}, got 'soon'",
         ),
         (
             goal("{points: [{time_from_start: {sec: 1, nsec: 2}}]}"),
-            f"[0].goal.points[0]: time_from_start: {TIME}, got {{'sec': 1, 'nsec': 2}}",
+            f"[0].goal.points[0].time_from_start: {TIME}, got {{'sec': 1, 'nsec': 2}}",
         ),
         (
             goal("{path_tolerance: {}}"),
@@ -791,6 +791,7 @@ def test_a_malformed_motion_is_one_located_message(load, tmp_path, text, message
         ("points: [{positions: [0, .nan]}]", 8),
         ("points:\n    - positions: [0]\n    - positions: [a]", 10),
         ("points:\n    - positions: [0]\n      position: 1", 10),
+        ("points:\n    - positions: [0]\n      time_from_start: soon", 10),
         ("points: []\n    header: 1", 9),
         ("points: []\n    more: 1", 9),
         ("points: []\n    path_tolerance:\n    - {name: a}\n    - {nam: b}", 11),
