@@ -143,6 +143,12 @@ class ParameterGroup:
         parameter = self._node.by_name.get(name)
         return parameter and self._node.convert(expected, parameter, name)
 
+    def warn_of_nan(self, name: str, done: str) -> None:
+        """Add a line about a number that is given as NaN, which upstream takes."""
+        number = self.get(name, float)
+        if number is not None and math.isnan(number):
+            self.add(name, "warning", "ignored", "it is not a number", done)
+
     def replace(self, old: str, new: Mapping[str, Any]) -> None:
         """Put newer parameters in the place of a given one, with a line in the report.
 
