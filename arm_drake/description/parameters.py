@@ -353,9 +353,13 @@ class _Loader:
         except ValueError as error:  # from the schema's own __post_init__
             places = [self._node.by_name.get(prefix + key) for key in values]
             first = next(filter(None, places), None)
+            # Its message begins with the name of what is wrong.
+            wrong = self._node.by_name.get(prefix + str(error).split()[0].rstrip(":,"))
+            first = wrong or first
             raise ParameterError(
                 str(error),
                 file=first.file if first else self._node.file,
+                line=wrong.line if wrong else None,
                 where=f"{self._node.name}.{prefix}".rstrip("."),
             ) from None
 

@@ -220,7 +220,7 @@ def test_a_type_that_is_not_simulated_has_its_parameters_checked():
         ["unconfigured"],
         [
             what,
-            f"error: c.yaml: c: joints must have at least one element; {done}",
+            f"error: c.yaml:7: c: joints must have at least one element; {done}",
         ],
         False,
     )
