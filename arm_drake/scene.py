@@ -341,6 +341,7 @@ def read_file(path: str | Path, read: "Callable[[Value], _T]", expected: str) ->
         node = yaml_files.compose(yaml_files.read_text(path))
         if node is None:
             raise InputError(f"it is empty; expected {expected}", file=path)
+        yaml_files.check_keys(node)
         return read(Value(path, node, ""))
     except yaml_files.YamlError as error:
         raise InputError(error.problem, file=path, line=error.line) from None
@@ -454,6 +455,7 @@ def _read_scene(root: Value) -> Scene:
     )
     if not robots and not things:
         raise root.error("expected robots, things or both")
+    _check_names(fields, robots, things)
     several = len(robots) > 1
     scene = at_place(
         root,
@@ -479,12 +481,30 @@ def _read_scene(root: Value) -> Scene:
     return scene
 
 
+def _check_names(
+    fields: Mapping[str, Value], robots: Sequence["SceneRobot"], things: Sequence[Thing]
+) -> None:
+    """Raise InputError where something is called as something before it."""
+    names = set[str]()
+    found = {"robots": [each.robot.name for each in robots]}
+    found["things"] = [thing.name for thing in things]
+    for key, own in found.items():
+        for value, name in zip(fields[key].list() if own else (), own, strict=True):
+            if name in names:
+                text = f"something else is called {name!r}; give it another name"
+                raise value.mapping().get("name", value).error(text)
+            names.add(name)
+
+
 def at_place(value: Value, make: Callable[[], _T]) -> _T:
-    """Return what a function makes; its errors without a place get that of a value."""
+    """Return what a function makes; its errors without a line get a value's place.
+
+    Such are those of a file that isn't there, for which the value stands.
+    """
     try:
         return make()
     except InputError as error:
-        if error.file is not None:
+        if error.line is not None:
             raise
         raise value.error(str(error)) from None
 

@@ -41,7 +41,7 @@ class YamlError(ValueError):
 
 
 class Loader(yaml.SafeLoader):
-    """Plain values only, as YAML's safe loader; a key stands once in a mapping.
+    """Plain values only, as YAML's safe loader.
 
     TABs are taken where libyaml takes them, which PyYAML doesn't: after a value, and
     before a comment.
@@ -80,19 +80,6 @@ class Loader(yaml.SafeLoader):
         if self.flow_level >= _MAX_OPEN:
             raise RecursionError
         super().fetch_flow_collection_start(token)
-
-    def construct_mapping(
-        self, node: yaml.MappingNode, deep: bool = False
-    ) -> dict[Any, Any]:
-        """Return the mapping of a node."""
-        seen = set()
-        for key, _ in node.value:
-            if key.value in seen and key.tag != f"{_TAG}merge":
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"the key {key.value!r} stands twice", key.start_mark
-                )
-            seen.add(str(key.value))
-        return super().construct_mapping(node, deep)
 
 
 Loader.yaml_implicit_resolvers = {
@@ -175,6 +162,32 @@ def _expanded_size(node: yaml.Node, sizes: dict[int, int]) -> int:
         line = node.start_mark.line + 1
         raise YamlError("malformed YAML: the value contains itself", line)
     return sizes[id(node)]
+
+
+def check_keys(root: yaml.Node) -> None:
+    """Raise YamlError if a key stands twice in a mapping of a text, as composed.
+
+    It is for files of our own: of others ROS takes the last one.
+    """
+    waiting, known = [root], {id(root)}
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, yaml.ScalarNode):
+            continue
+        children = list(node.value)
+        if isinstance(node, yaml.MappingNode):
+            names = set[str]()
+            for key, _ in children:
+                if not isinstance(key, yaml.ScalarNode) or key.tag == f"{_TAG}merge":
+                    continue
+                if key.value in names:
+                    problem = f"the key {key.value!r} stands twice"
+                    raise YamlError(problem, key.start_mark.line + 1)
+                names.add(key.value)
+            children = [value for _, value in children]
+        new = [child for child in children if id(child) not in known]
+        known.update(map(id, new))
+        waiting += reversed(new)
 
 
 def load(path: Path) -> Any:

@@ -167,12 +167,12 @@ BAD_PARAMETERS = [
     (
         "jtc",
         "state_interfaces: [velocity]",
-        ": jtc: state_interfaces must have 'position', got ['velocity']",
+        ":2: jtc: state_interfaces must have 'position', got ['velocity']",
     ),
     (
         "jtc",
         "action_monitor_rate: 0.0",
-        ": jtc: action_monitor_rate must be at least 0.1 Hz, got 0.0",
+        ":2: jtc: action_monitor_rate must be at least 0.1 Hz, got 0.0",
     ),
     (
         "jtc",
@@ -190,7 +190,7 @@ BAD_PARAMETERS = [
         "update_rate: -5",
         ":2: jtc.update_rate: expected an integer from 1 to 100 Hz, got -5",
     ),
-    ("forward", "joints: []", ": forward: joints must have at least one element"),
+    ("forward", "joints: []", ":3: forward: joints must have at least one element"),
     (
         "forward",
         "interface_name: [velocity]",
@@ -204,7 +204,7 @@ BAD_PARAMETERS = [
     (
         "pid",
         "dof_names: [j3, j3]",
-        ": pid: dof_names must not repeat elements, got ['j3', 'j3']",
+        ":4: pid: dof_names must not repeat elements, got ['j3', 'j3']",
     ),
     (
         "pid",

@@ -506,6 +506,10 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
             "house_table, void, or a .world or .sdf file",
         ),
         (
+            ["doosan_a0912", "--motion", "/"],
+            "/: is a folder; expected the YAML file of a motion",
+        ),
+        (
             ["doosan_a0912", "--inactive", "jtc"],
             f"no controller 'jtc'; known: {BUMPER}, joint_state_broadcaster, {JTC}",
         ),
@@ -540,8 +544,16 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
             "--hold is for the page, and with --headless there is none",
         ),
         (
+            ["doosan_a0912", "--host", "*"],
+            "--host is for the page, and with --headless there is none",
+        ),
+        (
             ["doosan_a0912", "--port", "7001"],
             "--port is for the page, and with --headless there is none",
+        ),
+        (
+            ["doosan_a0912", "--ros-domain", "3"],
+            "--ros-domain is of what --ros lets in; give that, too",
         ),
         (
             ["doosan_a0912", "--distro", "noetic"],

@@ -307,7 +307,37 @@ UNKNOWN = [
     ),
     (
         f"{thing(BALL)}{robot('name: a')}",
-        "1: things: something else is called 'a'; give it another name",
+        "2: things[0].name: something else is called 'a'; give it another name",
+    ),
+    (
+        f"{robot('name: a')}- robot: ball.urdf\n  name: a",
+        "5: robots[1].name: something else is called 'a'; give it another name",
+    ),
+    (
+        f"{robot('pose: [0, 0, 0]')}- robot: ball.urdf",
+        "4: robots[1]: something else is called 'falling_ball'; give it another name",
+    ),
+    (
+        robot("controllers: missing.yaml"),
+        "2: robots[0]: {folder}/missing.yaml: can't be read: No such file or directory",
+    ),
+    (
+        robot("motion: missing.yaml"),
+        "3: robots[0].motion: {folder}/missing.yaml: can't be read: No such file or "
+        "directory",
+    ),
+    (
+        robot("motion: wait.yaml\n  motion_parameters: {b: 1}"),
+        "3: robots[0].motion: {folder}/wait.yaml: no parameter 'b'; the motion "
+        "declares none",
+    ),
+    (
+        f"{thing(BALL)}world: missing.sdf",
+        "3: world: {folder}/missing.sdf: can't be read: No such file or directory",
+    ),
+    (
+        f"{robot('name: a')}  pose: [0, 0, 1]\n  name: b\n",
+        "5: the key 'name' stands twice",
     ),
     (
         f"{thing(BALL)}world: emty",
@@ -325,7 +355,10 @@ def test_what_is_wrong_is_said_with_its_line(
     with pytest.raises(InputError) as caught:
         load(folder, text)
 
-    assert str(caught.value) == f"{folder / 'scene.yaml'}:{message}"
+    # Files beside one that isn't there are named, too; which is tested elsewhere.
+    said = str(caught.value).partition("; there are")[0]
+    message = message.replace("{folder}", str(folder))
+    assert said == f"{folder / 'scene.yaml'}:{message}"
 
 
 def validator() -> Draft202012Validator:

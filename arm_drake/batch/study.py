@@ -48,6 +48,7 @@ from arm_drake.scene import (
 )
 from arm_drake.simulation.recording import list_failures
 from arm_drake.simulation.simulation import Simulation
+from arm_drake.worlds.world import load_world
 
 _KEYS = (
     "robot",
@@ -372,12 +373,15 @@ def _read_numbers(kind: str, value: Value) -> tuple[Any, ...]:
 
 def _check(study: Study, fields: Mapping[str, Value]) -> None:
     """Raise InputError for what the first run can't be changed to."""
-    where = fields.get("vary", fields["robot"])
+    where = fields.get("vary", fields.get("draws", fields["robot"]))
     if study.num_runs > _MOST_RUNS:
         text = f"it has {study.num_runs} runs; expected at most {_MOST_RUNS}"
         raise where.error(text)
     first = next(study.values())
     robot, known = study.robot, study.robot.initial_positions
+    if "world" in fields:
+        paths = robot.package_paths
+        at_place(fields["world"], lambda: load_world(study.world, paths))
     for name, value in first.items():
         kind, _, rest = name.partition(".")
         place = fields["vary"].mapping()[name]

@@ -11,10 +11,11 @@ limit and the controller's rate allow in the pose where the inertia is least. Th
 poses with several payloads get better.
 """
 
+import contextlib
 import dataclasses as dc
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ import yaml
 from pydrake.multibody.tree import JacobianWrtVariable
 
 from arm_drake.arrays import Array
-from arm_drake.batch.api import run_many
+from arm_drake.batch.api import Progress, iterate_many, run_many
 from arm_drake.batch.changes import Gains, Pid, find_pids, with_gains, yaml_gains
 from arm_drake.controllers.gazebo.plugin import position_topic, velocity_topic
 from arm_drake.description.controllers import ControllerConfig
@@ -112,6 +113,10 @@ class Move(NamedTuple):
 
     # Mass by link [kg].
     payloads: Mapping[str, float]
+
+
+# Gains by joint, and a move to try them in.
+_Task = tuple[Mapping[str, Gains], Move]
 
 
 class Trace(NamedTuple):
@@ -229,6 +234,7 @@ def tune_gains(
     seed: int = 0,
     options: SimulationOptions | None = None,
     on: Any = None,
+    progress: bool | None = None,
 ) -> Tuning:
     """Return gains of a robot's PIDs that settle a step in time without overshoot.
 
@@ -245,24 +251,24 @@ def tune_gains(
         seed: Of the poses.
         options: How to simulate.
         on: Where rollouts are executed, as for `run_many`.
+        progress: Whether to tell how far it is, as for `run_many`.
 
     Raises:
         InputError: If there are no PIDs, or a joint can't hold the robot's weight.
     """
-    for name, value in (("settle", settle), ("overshoot", overshoot)):
-        if not 0.0 < value < math.inf:
-            raise InputError(f"{name}: expected a number above 0, got {value!r}")
+    _check_positive(settle=settle, overshoot=overshoot)
     pids = _choose_pids(robot, controller, joints)
     payloads = _payload_ranges(robot, pids, robust_to or {})
     rig = _Rig(robot, tuple(pids), settle, options or SimulationOptions())
-    plants = _sample_plants(rig, payloads)
     trained = _make_moves(rig, payloads, moves, seed)
     unseen = _make_moves(rig, payloads, moves, seed + 1_000_003)
-    search = _Search(rig, plants, trained, overshoot, on)
-    gains = search.run()
-    now = {pid.joint: pid.gains for pid in pids}
-    tasks = [(each, move) for each in (now, gains) for move in unseen]
-    traces = run_many(tasks, rig.follow, on=on, progress=False).values
+    search = _Search(rig, _sample_plants(rig, payloads), trained, overshoot)
+    num_rollouts = search.num_rollouts + 2 * len(unseen)
+    with contextlib.closing(Progress(num_rollouts, progress)) as bar:
+        follow = functools.partial(_follow_all, rig, on, bar)
+        gains = search.run(follow)
+        now = {pid.joint: pid.gains for pid in pids}
+        traces = follow([(each, move) for each in (now, gains) for move in unseen])
     before, after = traces[: len(unseen)], traces[len(unseen) :]
     return Tuning(
         with_gains(robot, gains, pids),
@@ -274,8 +280,25 @@ def tune_gains(
         after[0],
         settle,
         overshoot,
-        search.num_rollouts + len(tasks),
+        num_rollouts,
     )
+
+
+def _check_positive(**values: float) -> None:
+    for name, value in values.items():
+        if not 0.0 < value < math.inf:
+            raise InputError(f"{name}: expected a number above 0, got {value!r}")
+
+
+def _follow_all(
+    rig: "_Rig", on: Any, bar: Progress, tasks: Sequence[_Task]
+) -> list[Trace]:
+    """Return what joints do in moves with gains, and count them."""
+    results = []
+    for result in iterate_many(tasks, rig.follow, on=on, progress=False):
+        bar.add(failed=result.error is not None)
+        results.append(result)
+    return [result.value for result in results]
 
 
 def worst(traces: Sequence[Trace]) -> Response:
@@ -399,7 +422,7 @@ class _Rig(NamedTuple):
         """How long a move is looked at [s]."""
         return max(1.0, 4.0 * self.settle)
 
-    def follow(self, task: tuple[Mapping[str, Gains], Move]) -> Trace:
+    def follow(self, task: _Task) -> Trace:
         """Return what joints do in a move, with some gains."""
         gains, move = task
         joints = [pid.joint for pid in self.pids]
@@ -583,6 +606,10 @@ class _Trial(NamedTuple):
     shape: tuple[float, float, float]
 
 
+# Does the moves of many tasks.
+_Follow = Callable[[Sequence[_Task]], list[Trace]]
+
+
 class _Search:
     """Tries gains; keeps the best."""
 
@@ -592,32 +619,38 @@ class _Search:
         plants: Sequence[_Plant],
         moves: Sequence[Move],
         overshoot: float,
-        on: Any,
     ) -> None:
         self._rig, self._plants, self._moves = rig, plants, moves
-        self._overshoot, self._on = overshoot, on
-        self.num_rollouts = 0
-
-    def run(self) -> dict[str, Gains]:
-        """Return the best gains of all that were tried."""
-        fastest = _SETTLES / self._rig.settle
+        self._overshoot = overshoot
+        fastest = _SETTLES / rig.settle
         trials = [
-            self._limited(_Trial((scale * fastest,) * len(self._plants), shape), beyond)
+            self._limited(_Trial((scale * fastest,) * len(plants), shape), beyond)
             for shape in _SHAPES
             for scale, beyond in _SCALES
         ]
-        trials = list(dict.fromkeys(trials))
-        score, best = min(
-            zip(self._score(trials), trials, strict=True), key=lambda pair: pair[0]
-        )
+        self._first = list(dict.fromkeys(trials))
+
+    @property
+    def num_rollouts(self) -> int:
+        """How many `run` takes."""
+        shapes, singles = self._changes(self._first[0], _ROUNDS[0])
+        # In each round one has all changes of bandwidths that were better.
+        polish = len(_ROUNDS) * (len(shapes) + len(singles) + 1)
+        return (len(self._first) + polish) * len(self._moves)
+
+    def run(self, follow: _Follow) -> dict[str, Gains]:
+        """Return the best gains of all that were tried."""
+        scores = self._score(self._first, follow)
+        ranked = zip(scores, self._first, strict=True)
+        score, best = min(ranked, key=lambda pair: pair[0])
         for factor in _ROUNDS:
-            score, best = self._polish(score, best, factor)
+            score, best = self._polish(score, best, factor, follow)
         return self._gains(best)
 
-    def _polish(
-        self, score: float, best: _Trial, factor: float
-    ) -> tuple[float, _Trial]:
-        """Return what is better with single bandwidths and shapes changed."""
+    def _changes(
+        self, best: _Trial, factor: float
+    ) -> tuple[list[_Trial], list[_Trial]]:
+        """Return trials with another shape, and with a single bandwidth changed."""
         a, b, c = best.shape
         trials = [
             best._replace(shape=shape)
@@ -636,11 +669,18 @@ class _Search:
                 changed = list(best.bandwidths)
                 changed[k] = each
                 singles.append(best._replace(bandwidths=tuple(changed)))
+        return trials, singles
+
+    def _polish(
+        self, score: float, best: _Trial, factor: float, follow: _Follow
+    ) -> tuple[float, _Trial]:
+        """Return what is better with single bandwidths and shapes changed."""
+        trials, singles = self._changes(best, factor)
         everything = [*trials, *singles]
-        scores = self._score(everything)
+        scores = self._score(everything, follow)
         ranked = sorted(zip(scores, everything, strict=True), key=lambda pair: pair[0])
         together = self._together(best, score, scores[len(trials) :], singles)
-        ranked += [(self._score([together])[0], together)]
+        ranked += [(self._score([together], follow)[0], together)]
         found = min(ranked, key=lambda pair: pair[0])
         return found if found[0] < score else (score, best)
 
@@ -689,15 +729,14 @@ class _Search:
             found[pid.joint] = gains
         return found
 
-    def _score(self, trials: Sequence[_Trial]) -> list[float]:
+    def _score(self, trials: Sequence[_Trial], follow: _Follow) -> list[float]:
         """Return how bad trials are."""
         tasks = [(self._gains(t), move) for t in trials for move in self._moves]
-        self.num_rollouts += len(tasks)
-        results = run_many(tasks, self._rig.follow, on=self._on, progress=False)
+        traces = follow(tasks)
         judge = functools.partial(
             _penalty, settle=self._rig.settle, overshoot=self._overshoot
         )
-        each = np.array([judge(trace.response()) for trace in results.values])
+        each = np.array([judge(trace.response()) for trace in traces])
         by_trial = each.reshape(len(trials), len(self._moves))
         return [float(row.mean() + row.max()) for row in by_trial]
 

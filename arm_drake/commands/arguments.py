@@ -42,6 +42,20 @@ def not_negative(text: str) -> float:
     return number
 
 
+# Where a page is, and who opens it.
+OF_PAGES = ("host", "port", "open")
+
+
+def check_pageless(
+    options: argparse.Namespace, option: str, words: Sequence[str] = OF_PAGES
+) -> None:
+    """Raise InputError for words about a page, where an option leaves none."""
+    for word in words:
+        if getattr(options, word):
+            text = f"--{word} is for the page, and with {option} there is none"
+            raise InputError(text)
+
+
 def read_initial(words: Sequence[tuple[str, str]]) -> dict[str, float]:
     """Return the positions of `--initial JOINT=VALUE` [rad or m]."""
     initial = {}
@@ -152,7 +166,7 @@ def add_server_arguments(parser: argparse.ArgumentParser) -> None:
         type=int,
         help="draw meshes with at most so many triangles, for smaller recordings",
     )
-    add("--host", default="localhost", help="address of the page (localhost)")
+    add("--host", help="address of the page (localhost)")
     add("--port", type=int, help="port of the page (first free from 7000)")
     add(
         "--open",
@@ -196,14 +210,8 @@ def add_ros_arguments(parser: argparse.ArgumentParser) -> None:
         help="let programs that speak ROS 2 in: rosbridge, foxglove, zenoh (by default "
         "rosbridge, and foxglove if it is installed); until Ctrl-C, at real time",
     )
-    add("--ros-host", metavar="HOST", default="127.0.0.1", help="where to listen")
-    add(
-        "--ros-domain",
-        metavar="N",
-        type=int,
-        default=0,
-        help="ROS_DOMAIN_ID, for zenoh (0)",
-    )
+    add("--ros-host", metavar="HOST", help="where to listen (127.0.0.1)")
+    add("--ros-domain", metavar="N", type=int, help="ROS_DOMAIN_ID, for zenoh (0)")
     add(
         "--ros-origin",
         metavar="URL",
@@ -439,7 +447,7 @@ def add_replay_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="folder to search for the packages of its meshes; repeatable",
     )
-    add("--rate", metavar="R", type=positive, default=1.0, help="speed (1)")
+    add("--rate", metavar="R", type=positive, help="speed of the page (1)")
     add("--record", metavar="FILE.html", type=Path, help="write an animated page")
     add("--loop", action="store_true", help="the page of --record plays for ever")
     add_plot_arguments(parser)

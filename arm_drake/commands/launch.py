@@ -39,7 +39,8 @@ _OF_SIMULATIONS = (
         "trail",
         "contacts",
     ),
-    *("wait", "hold", "curve", "display", "keyboard"),
+    *("wait", "hold", "curve", "display", "keyboard", "image", "inputs"),
+    *("ros", "ros_host", "ros_domain", "ros_origin", "ros_reset_clock"),
 )
 
 
@@ -186,7 +187,8 @@ def _view(options: argparse.Namespace, plan: LaunchPlan) -> int:
         raise InputError(text, file=plan.file)
     _check_frame(options, plan)
     for word in _OF_SIMULATIONS:
-        if getattr(options, word):
+        # A plain --ros is "".
+        if getattr(options, word) not in (None, False, []):
             text = f"--{word.replace('_', '-')} is for a simulation; this launch file "
             raise InputError(f"{text}only shows its robot", file=plan.file)
     if options.ghost == []:

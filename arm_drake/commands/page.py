@@ -19,7 +19,7 @@ from arm_drake.visualization.page import Page, Scene
 
 def start_page(options: argparse.Namespace) -> Page:
     """Start a page where the command line says, and tell what is to be known of it."""
-    page = Page(host=options.host, port=options.port)
+    page = Page(host=options.host or "localhost", port=options.port)
     if page.has_moved:
         text = f"port {options.port} is taken; the page is on port {page.port}"
         print(f"warning: {text}", file=sys.stderr)

@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+from arm_drake.commands.arguments import OF_PAGES, check_pageless
 from arm_drake.commands.output import (
     Speaker,
     check_outputs,
@@ -35,6 +36,9 @@ _LONGEST = 3600.0
 
 def run_replay(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
     """Show a log as the command line says; return the exit code."""
+    for word in ("record", "video", "screenshot", "plot"):
+        if getattr(options, word):
+            check_pageless(options, f"--{word}", (*OF_PAGES, "rate"))
     check_outputs(options)
     rollout = Rollout.load(options.file, options.name)
     robot = _find_robot(options, rollout, load)
@@ -51,7 +55,7 @@ def run_replay(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
         return 0
     with start_page(options) as page:
         shown = ReplayPage(
-            page, Replay(page.meshcat, rollout, robot), rate=options.rate
+            page, Replay(page.meshcat, rollout, robot), rate=options.rate or 1.0
         )
         say.page(f"page: {page.url} until Ctrl-C")
         say.line(remote_hint(page))

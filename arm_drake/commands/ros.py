@@ -25,12 +25,12 @@ def serve(
     live: LiveSimulation | None = None,
 ) -> RosServer:
     """Return what lets others in, and say where."""
-    inputs = _read_inputs(options.inputs)
+    inputs, host = _read_inputs(options.inputs), options.ros_host or "127.0.0.1"
     server = RosServer(
         simulation,
         () if options.ros is None else options.ros or default_transports(),
-        host=options.ros_host,
-        domain=options.ros_domain,
+        host=host,
+        domain=options.ros_domain or 0,
         origins=options.ros_origin,
         controls=None if live is None else LiveControls(live),
         keep_clock=not options.ros_reset_clock,
@@ -38,9 +38,9 @@ def serve(
         history=None if live is not None else history_of(options),
         inputs=inputs,
     ).start()
-    if options.ros is not None and options.ros_host not in LOOPBACK:
+    if options.ros is not None and host not in LOOPBACK:
         text = "whoever reaches this machine can move the robot"
-        print(f"warning: --ros-host {options.ros_host}: {text}", file=sys.stderr)
+        print(f"warning: --ros-host {host}: {text}", file=sys.stderr)
     for line in server.addresses:
         say.page(line)
     for name in server.graph.left_out:

@@ -13,6 +13,7 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram
 
 from arm_drake import yaml_files
+from arm_drake.commands.arguments import OF_PAGES, check_pageless
 from arm_drake.commands.output import (
     Speaker,
     camera_images,
@@ -210,10 +211,12 @@ def simulate(options: argparse.Namespace, scene: Scene | Robot) -> int:
 
 def _check_words(options: argparse.Namespace) -> None:
     """Raise InputError for what doesn't go together, or can't be written."""
-    for word in ("wait", "hold", "open", "port", "paused", "curve", "keyboard"):
-        if options.headless and getattr(options, word):
-            text = f"--{word} is for the page, and with --headless there is none"
-            raise InputError(text)
+    if options.headless:
+        words = (*OF_PAGES, "wait", "hold", "paused", "curve", "keyboard")
+        check_pageless(options, "--headless", words)
+    for word in ("ros-host", "ros-domain", "ros-origin"):
+        if options.ros is None and getattr(options, word.replace("-", "_")):
+            raise InputError(f"--{word} is of what --ros lets in; give that, too")
     if options.log_images and (options.log is None or options.log.suffix == ".csv"):
         text = "--log-images says what else --log holds: give a .npz or .mcap file"
         raise InputError(text)
@@ -361,11 +364,13 @@ def _show_live(options: argparse.Namespace, live: "LiveSimulation") -> None:
         find_part(live.parts, Displays).show(topic)
 
 
-def _end_recording(live: "LiveSimulation") -> None:
-    """Leave out what would stand still in a recording of a page."""
-    live.views.end_recording()
-    for part in live.parts:
-        part.end_recording()
+def _end_run(live: "LiveSimulation") -> None:
+    """Report tasks that aren't done; leave out what would stand still in a film."""
+    live.give_up()
+    if live.page.is_alive:
+        live.views.end_recording()
+        for part in live.parts:
+            part.end_recording()
 
 
 def _measure(run: Callable[[], None], simulation: Simulation, say: Speaker) -> float:
@@ -427,9 +432,8 @@ def _simulate_live(options: argparse.Namespace, scene: Scene, say: Speaker) -> i
 
         with interrupting(live.stop) as is_interrupted:
             _measure(run, simulation, say)
+        _end_run(live)
         alive = page.meshcat if page.is_alive else None
-        if alive is not None:
-            _end_recording(live)
         if is_over := is_interrupted() or live.is_ended:
             say.line(f"stopped at {simulation.time:.2f} s")
         code = _finish(options, simulation, live.wall_time, alive, say)

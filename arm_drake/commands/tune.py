@@ -36,6 +36,7 @@ def run_tune(options: argparse.Namespace, robot: Robot) -> int:
         moves=options.moves,
         seed=options.seed,
         options=SimulationOptions(time_step=options.time_step),
+        progress=False if options.json else None,
     )
     if options.output is not None:
         with writing(options.output):

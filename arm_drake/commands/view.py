@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from arm_drake.commands.arguments import check_pageless
 from arm_drake.commands.output import report_of, say_report
 from arm_drake.commands.page import (
     interrupting,
@@ -41,6 +42,7 @@ LoadRobot = Callable[[Mapping[str, float]], Robot]
 def view(options: argparse.Namespace, load: LoadRobot) -> int:
     """Show a robot as the command line says; return the exit code."""
     if options.screenshot is not None:
+        check_pageless(options, "--screenshot")
         if "names" in options.show:
             print("warning: names of frames are on the page only", file=sys.stderr)
         check_suffix(options.screenshot, "a screenshot", SCREENSHOT_SUFFIXES)
@@ -93,6 +95,7 @@ def view_scene(options: argparse.Namespace, scene: Scene) -> int:
         text = "--ghost is for one robot; a scene has several"
         raise InputError(text, file=options.robot)
     if options.screenshot is not None:
+        check_pageless(options, "--screenshot")
         check_suffix(options.screenshot, "a screenshot", SCREENSHOT_SUFFIXES)
         check_writable(options.screenshot)
     use_native_logging()

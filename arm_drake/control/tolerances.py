@@ -130,7 +130,7 @@ def resolve_tolerances(
 ) -> Resolution:
     """Return the tolerances that hold for an action goal.
 
-    For every value that the goal gives: if it is positive it holds, 0 takes the
+    For every value that the goal gives: if it is positive it holds, 0 and NaN take the
     default, -1 takes the tolerance away. With any other negative value or an unknown
     joint all of the defaults hold, goal time included.
     """

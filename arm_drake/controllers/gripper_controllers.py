@@ -40,6 +40,7 @@ from arm_drake.controllers.topics import (
     position_of,
 )
 from arm_drake.description.parameters import (
+    ParameterGroup,
     check_at_least,
     check_finite,
     check_not_empty,
@@ -87,6 +88,13 @@ class GripperActionControllerParameters:
     # Speed below which the gripper stalls [rad/s] or [m/s], and after how long [s].
     stall_velocity_threshold: float = 0.001
     stall_timeout: float = 1.0
+
+    @staticmethod
+    def adapt(params: ParameterGroup) -> None:
+        """Say what numbers do that are none."""
+        done = "the gripper counts as standing, however fast it is"
+        params.warn_of_nan("stall_velocity_threshold", done)
+        params.warn_of_nan("stall_timeout", "the gripper never stalls")
 
     def __post_init__(self) -> None:
         check_not_empty(self, "joint")

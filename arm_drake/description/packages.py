@@ -429,6 +429,8 @@ class PackageFinder:
         self.package_paths = tuple(path.absolute() for path in package_paths)
         self._report = LoadReport() if report is None else report
         self._scanned: dict[Path, dict[str, Path]] = {}
+        # All folders of each package in what was searched, the preferred one first.
+        self._copies: dict[str, dict[Path, None]] = {}
         self._found: dict[str, Path] = {}
         self._sources: dict[str, Path] = {}
         # Packages that look different when installed, shown as that.
@@ -448,6 +450,11 @@ class PackageFinder:
     def sources(self) -> list[Path]:
         """Return the source folders of all packages that were asked for."""
         return [self.source(name) for name in self._found]
+
+    def copies(self, name: str) -> list[Path]:
+        """Return other folders of a package in what `find` searched for it."""
+        taken = self.source(name)
+        return [folder for folder in self._copies.get(name, ()) if folder != taken]
 
     def resolve(self, uri: str, relative_to: Path) -> Path:
         """Return the path that a file name or URI in a description stands for."""
@@ -593,7 +600,10 @@ class PackageFinder:
 
     def _scan(self, root: Path) -> dict[str, Path]:
         if root not in self._scanned:
-            self._scanned[root] = dict(_packages_below(root))
+            found = list(_packages_below(root))
+            self._scanned[root] = dict(found)
+            for name, folder in reversed(found):
+                self._copies.setdefault(name, {})[folder] = None
         return self._scanned[root]
 
 

@@ -143,6 +143,12 @@ class ParameterGroup:
         parameter = self._node.by_name.get(name)
         return parameter and self._node.convert(expected, parameter, name)
 
+    def warn_of_nan(self, name: str, done: str) -> None:
+        """Add a line about a number that is given as NaN, which upstream takes."""
+        number = self.get(name, float)
+        if number is not None and math.isnan(number):
+            self.add(name, "warning", "ignored", "it is not a number", done)
+
     def replace(self, old: str, new: Mapping[str, Any]) -> None:
         """Put newer parameters in the place of a given one, with a line in the report.
 
@@ -347,9 +353,13 @@ class _Loader:
         except ValueError as error:  # from the schema's own __post_init__
             places = [self._node.by_name.get(prefix + key) for key in values]
             first = next(filter(None, places), None)
+            # Its message begins with the name of what is wrong.
+            wrong = self._node.by_name.get(prefix + str(error).split()[0].rstrip(":,"))
+            first = wrong or first
             raise ParameterError(
                 str(error),
                 file=first.file if first else self._node.file,
+                line=wrong.line if wrong else None,
                 where=f"{self._node.name}.{prefix}".rstrip("."),
             ) from None
 

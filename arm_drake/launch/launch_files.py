@@ -37,18 +37,26 @@ _LARGEST_ANSWER = 2**27
 
 
 def find_launch_file(
-    source: Source, name: str | None = None, package_paths: Sequence[Path] = ()
+    source: Source,
+    name: str | None = None,
+    package_paths: Sequence[Path] = (),
+    report: LoadReport | None = None,
 ) -> Path:
     """Return a launch file: by its path, or by a package and its name.
 
+    Of several folders of the package the nearest is taken, and the report says so.
+
     Raises:
-        InputError: If there is none.
+        InputError: If there is none, or the package has several of that name.
     """
     path = Path(source).expanduser()
     if name is None:
         if path.is_dir():
             names = sorted({f.name for f in path.rglob("*") if is_launch_file(f)})
-            text = f"is a folder; name one of its launch files, too: {', '.join(names)}"
+            text = "is a folder without launch files; expected a launch file"
+            if names:
+                text = "is a folder; name one of its launch files, too: "
+                text += ", ".join(names)
             raise InputError(text, file=path)
         if not path.is_file():
             text = "no such launch file; expected a file, or a package and a file"
@@ -61,16 +69,32 @@ def find_launch_file(
     else:
         finder = PackageFinder(Path.cwd() / "launch", package_paths)
         try:
-            folder = finder.find(str(source))
+            # Links of the finder to what is installed elsewhere end with it.
+            folder = finder.source(str(source))
         except PackageError as error:
             raise InputError(error.problem) from None
+        if report is not None:
+            _report_copies(str(source), finder, report)
     files = sorted(filter(is_launch_file, folder.rglob("*")))
     found = [file for file in files if file.name == name]
     if not found:
         known = {file.name for file in files}
         hint = suggest(name, known)
         raise InputError(f"package {str(source)!r} has no {name!r}; {hint}")
+    if len(found) > 1:
+        text = f"package {str(source)!r} has several {name!r}; name one by its path: "
+        raise InputError(text + ", ".join(map(str, found)))
     return found[0]
+
+
+def _report_copies(name: str, finder: PackageFinder, report: LoadReport) -> None:
+    """Say which folder of a package is taken, if there are several."""
+    others = ", ".join(map(str, finder.copies(name)))
+    if others:
+        what = f"package {name!r} is there several times, also as {others}"
+        taken = finder.source(name)
+        done = f"taken: {taken}; another one's folder can be named instead"
+        report.add("warning", "repair", what, done)
 
 
 def load_launch(
@@ -102,9 +126,10 @@ def load_launch(
     for folder in folders:
         if not folder.is_dir():
             raise InputError("no such folder; expected one to search", file=folder)
-    path = Path(os.path.abspath(find_launch_file(source, name, folders)))
+    report = LoadReport()
+    path = Path(os.path.abspath(find_launch_file(source, name, folders, report)))
     texts = {key: str(value) for key, value in (arguments or {}).items()}
-    return _read(path, folders, texts)
+    return _read(path, folders, texts, report)
 
 
 def show_arguments(plan: Sequence[LaunchArgument]) -> str:
@@ -154,10 +179,12 @@ def _arguments_of(answer: Mapping[str, Any]) -> tuple[LaunchArgument, ...]:
 
 
 def _read(
-    path: Path, folders: tuple[Path, ...], values: Mapping[str, str]
+    path: Path,
+    folders: tuple[Path, ...],
+    values: Mapping[str, str],
+    report: LoadReport,
 ) -> LaunchPlan:
     answer, finder, folder = _ask(path, folders, values)
-    report = LoadReport()
     arguments = _arguments_of(answer)
     known = {argument.name for argument in arguments} | set(answer["values"])
     declared = {argument.name for argument in arguments}

@@ -169,8 +169,8 @@ def row_messages(
             fields = {"header": placed, "pose": _pose(poses[row])}
             yield BagMessage(pose_topic(prefix, link), POSE_TYPE, time_ns, fields)
     for link, forces in rollout.contact_forces.items():
-        # Where nothing touches there is nothing to tell.
-        if np.any(force := np.nan_to_num(forces[row])):
+        # Where nothing touches there is nothing to tell: most links, at most times.
+        if forces[row].any() and np.any(force := np.nan_to_num(forces[row])):
             fields = {"header": header, "wrench": {"force": _vector(force)}}
             yield BagMessage(contact_topic(prefix, link), WRENCH_TYPE, time_ns, fields)
 

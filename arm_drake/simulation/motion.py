@@ -424,6 +424,8 @@ class Fields:
             self.number(data[name], f"{where}.{name}")
         for name in set(data) & {"positions", "velocities", "accelerations", "effort"}:
             self.numbers(data[name], f"{where}.{name}")
+        if (time := data.get("time_from_start")) is not None:
+            self.time(Duration, time, f"{where}.time_from_start")
         try:
             return kind(**data)
         except (TypeError, ValueError, OverflowError) as error:

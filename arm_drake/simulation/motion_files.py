@@ -2,6 +2,7 @@
 
 import csv
 import itertools
+import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -614,12 +615,15 @@ def load_motion(
     """
     if robot is not None:
         return find_motion(path, robot, parameters)
+    _refuse_folder(path)
     path = Path(path)
     if not path.suffix and not path.is_file():
         text = f"no such file; the motion {path.name!r} of a robot needs robot="
         raise MotionError(text, file=path)
     try:
         node = yaml_files.compose(yaml_files.read_text(path))
+        if node is not None:
+            yaml_files.check_keys(node)
         data = None if node is None else yaml_files.plain(node)
     except yaml_files.YamlError as error:
         raise MotionError(error.problem, file=path, line=error.line) from None
@@ -689,6 +693,13 @@ def _fits(motion: Motion, robot: Robot) -> bool:
     return True
 
 
+def _refuse_folder(path: str | Path) -> None:
+    # Unlike that of Path, it takes names that no file can have.
+    if os.path.isdir(path):
+        text = "is a folder; expected the YAML file of a motion"
+        raise MotionError(text, file=Path(path))
+
+
 def find_motion(
     name: MotionSource, robot: Robot, parameters: Mapping[str, Any] | None = None
 ) -> Motion:
@@ -711,6 +722,7 @@ def find_motion(
                 motion := load_motion(file, parameters), robot
             ):
                 return motion
+        _refuse_folder(name)
         owner = robot.bundled or robot.name
         hint = suggest(str(name), known) if known else "give the file of a motion"
         text = f"no motion {str(name)!r} of {owner!r}, and no such file; {hint}"

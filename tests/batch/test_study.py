@@ -180,6 +180,26 @@ def test_what_is_wrong_is_reported_with_its_place(folder, old, new, message) -> 
     assert message in text
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("draws: 20000000", "draws: it has 20000000 runs; expected at most 10000000"),
+        ("world: hous", "world: unknown world 'hous'; did you mean 'house'? known: "),
+        ("world: no.sdf", "world: {folder}/no.sdf: can't be read: No such file"),
+        ("motion: no.yaml", "robot.motion: {folder}/no.yaml: can't be read: No such"),
+    ],
+)
+def test_what_is_named_is_reported_with_its_line(folder, text, message) -> None:
+    file = folder / "study.yaml"
+    file.write_text(f"robot: arm.urdf\n{text}\n")
+
+    with pytest.raises(InputError) as caught:
+        ad.load_study(file)
+
+    expected = message.format(folder=folder)
+    assert str(caught.value).startswith(f"{file}:2: {expected}")
+
+
 def test_the_schema_is_one_and_knows_what_the_loader_takes() -> None:
     schema = json.loads(SCHEMA.read_text(encoding="utf-8"))
     Draft202012Validator.check_schema(schema)

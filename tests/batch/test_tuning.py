@@ -1,7 +1,9 @@
 """Gains that are found: against closed forms, and better than what was there."""
 
+import io
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -130,20 +132,44 @@ def test_tags_of_plugins_are_written() -> None:
     assert find_pids(changed)[1].gains == pids[1].gains
 
 
+def tune(robot: ad.Robot, *words: str) -> int:
+    """Run the command, and return its exit code."""
+    files = [f"--controllers={file}" for file in robot.controllers.files]
+    fast = ["--settle=0.25", "--moves=1", "--time-step=0.01"]
+    return cli.main(["tune", str(robot.description.file), *files, *fast, *words])
+
+
 @pytest.mark.slow
 def test_the_command_tells_and_draws(lift, tmp_path, capsys) -> None:
     picture = tmp_path / "tuned.png"
-    words = ["tune", str(lift.description.file), "--plot", str(picture), "--json"]
-    for file in lift.controllers.files:
-        words += ["--controllers", str(file)]
 
-    code = cli.main([*words, "--settle", "0.25", "--moves", "1", "--time-step", "0.01"])
+    code = tune(lift, "--plot", str(picture), "--json")
 
-    told = json.loads(capsys.readouterr().out)
+    said = capsys.readouterr()
+    told = json.loads(said.out)
+    assert said.err == ""
     assert code == (0 if told["keeps_promise"] else 1)
     assert set(told["gains"]) == {"slide"}
     assert told["after"]["end_error"] < told["before"]["end_error"]
     assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.slow
+def test_a_terminal_is_shown_how_far_it_is(lift, monkeypatch) -> None:
+    said = Terminal()
+    monkeypatch.setattr("sys.stderr", said)
+
+    tune(lift)
+
+    first, *others, last = said.getvalue().split("\r")[1:]
+    total = re.fullmatch(r"\[\.+\] 0/(\d+) runs, 0:00", first)[1]
+    assert len(others) > 3
+    assert last.startswith(f"[####################] {total}/{total} runs, ")
 
 
 @pytest.mark.parametrize(

@@ -185,3 +185,20 @@ def test_what_was_simulated_is_written_when_meshcat_ends(
     assert last.startswith("arm-drake: Meshcat has ended: a program of this machine")
     assert 0.2 <= ad.Rollout.load("log.npz").time[-1] < 1000.0
     assert not Path("film.html").exists()
+
+
+@pytest.mark.slow
+def test_a_page_reports_tasks_whose_time_does_not_come(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    motion = tmp_path / "motion.yaml"
+    motion.write_text("- {at: 2.0, plan_to: {positions: {joint1: 1.0}}}")
+    words = ["sim", "doosan_a0912", "--motion", str(motion), "--duration", "0.1"]
+
+    code = main([*words, "--no-wait", "--no-hold", "--no-open"])
+
+    assert code == 1
+    assert capsys.readouterr().err == (
+        f"arm-drake: {motion}:1: [0].plan_to: not begun: the simulation ended before "
+        "its time\n"
+    )

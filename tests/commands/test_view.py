@@ -103,6 +103,18 @@ def test_a_picture_that_cannot_be_written_is_said_at_once(run, tmp_path, name, m
     assert (code, out, err) == (2, "", f"arm-drake: {file}: {message}\n")
 
 
+@pytest.mark.parametrize("name", ["no_robot", "scene.yaml"])
+def test_a_picture_has_no_page(run, tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    scene = "robots: [{robot: doosan_a0912}]"
+    (tmp_path / "scene.yaml").write_text(scene, encoding="utf-8")
+
+    code, out, err = run(name, "--screenshot", "robot.png", "--host", "*")
+
+    message = "--host is for the page, and with --screenshot there is none"
+    assert (code, out, err) == (2, "", f"arm-drake: {message}\n")
+
+
 @pytest.mark.slow
 def test_without_the_extra_the_message_says_how_to_install_it(
     run, tmp_path, monkeypatch

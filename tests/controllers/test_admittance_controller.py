@@ -249,7 +249,7 @@ def test_the_manager_ends_a_controller_that_fails_and_says_why(tmp_path) -> None
     [
         pytest.param(
             {"command_joints": ["a", "b"]},
-            "c.yaml: c: command_joints must be empty or as many as joints, 1, got 2: "
+            ": c: command_joints must be empty or as many as joints, 1, got 2: "
             "['a', 'b']",
             id="AD6",
         ),
@@ -283,7 +283,7 @@ def test_the_manager_ends_a_controller_that_fails_and_says_why(tmp_path) -> None
         ),
         pytest.param(
             {"kinematics__alpha": -1.0},
-            "c.yaml: c.kinematics: alpha must be at least 0, got -1.0",
+            ": c.kinematics: alpha must be at least 0, got -1.0",
             id="alpha",
         ),
     ],

@@ -293,7 +293,7 @@ def check_no_joints(distro: str) -> None:
     with pytest.raises(ParameterError) as caught:
         load(JTC, {"joints": []}, distro=distro)
 
-    assert str(caught.value) == "c.yaml: c: joints must have at least one element"
+    assert str(caught.value) == "c.yaml:1: c: joints must have at least one element"
 
 
 # Humble asks for as many as joints.

@@ -568,11 +568,11 @@ def test_a_message_of_a_wrong_type_is_refused(port: str, expected: str) -> None:
         ({"joints": None}, "arm.yaml: arm_controller.joints: is required but missing"),
         (
             {"joints": []},
-            "arm.yaml: arm_controller: joints must have at least one element",
+            "arm.yaml:1: arm_controller: joints must have at least one element",
         ),
         (
             {"joints": ["joint1", "joint1"]},
-            "arm.yaml: arm_controller: joints must not repeat elements, "
+            "arm.yaml:1: arm_controller: joints must not repeat elements, "
             "got ['joint1', 'joint1']",
         ),
         (
@@ -581,7 +581,7 @@ def test_a_message_of_a_wrong_type_is_refused(port: str, expected: str) -> None:
         ),
         (
             {"command_interfaces": []},
-            "arm.yaml: arm_controller: command_interfaces must have at least one "
+            "arm.yaml:2: arm_controller: command_interfaces must have at least one "
             "element",
         ),
         (
@@ -591,21 +591,22 @@ def test_a_message_of_a_wrong_type_is_refused(port: str, expected: str) -> None:
         ),
         (
             {"state_interfaces": []},
-            "arm.yaml: arm_controller: state_interfaces must have at least one element",
+            "arm.yaml:3: arm_controller: state_interfaces must have at least one "
+            "element",
         ),
         (
             {"state_interfaces": ["velocity", "acceleration"]},
-            "arm.yaml: arm_controller: state_interfaces must have 'position', "
+            "arm.yaml:3: arm_controller: state_interfaces must have 'position', "
             "got ['velocity', 'acceleration']",
         ),
         (
             {"action_monitor_rate": 0.05},
-            "arm.yaml: arm_controller: action_monitor_rate must be at least 0.1 Hz, "
+            "arm.yaml:4: arm_controller: action_monitor_rate must be at least 0.1 Hz, "
             "got 0.05",
         ),
         (
             {"cmd_timeout": -1.0},
-            "arm.yaml: arm_controller: cmd_timeout must be at least 0, got -1.0",
+            "arm.yaml:4: arm_controller: cmd_timeout must be at least 0, got -1.0",
         ),
         (
             {"interpolation_method": "cubic"},
@@ -614,7 +615,7 @@ def test_a_message_of_a_wrong_type_is_refused(port: str, expected: str) -> None:
         ),
         (
             {"constraints__goal_time": -1.0},
-            "arm.yaml: arm_controller.constraints: goal_time must be at least 0, "
+            "arm.yaml:4: arm_controller.constraints: goal_time must be at least 0, "
             "got -1.0",
         ),
         (

@@ -211,7 +211,7 @@ def test_a_wheel_without_a_name_is_refused(wheel: str) -> None:  # ME7
     with pytest.raises(ParameterError) as error:
         make_parameters_from_file({name: ""})
 
-    assert str(error.value) == (f"base.yaml: base: {name} must not be empty, got ''")
+    assert str(error.value) == f"base.yaml:1: base: {name} must not be empty, got ''"
 
 
 def make_parameters_from_file(changes: dict[str, Any]) -> Any:

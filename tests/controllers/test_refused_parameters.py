@@ -22,6 +22,7 @@ from tests.controllers.parameters import (
     JTC,
     MAGNETOMETER,
     MECANUM,
+    MINIMAL,
     MULTI,
     OMNI,
     PARALLEL_GRIPPER,
@@ -542,7 +543,10 @@ def test_what_upstream_refuses_is_refused(
         load(type_, parameters, distro=distro)
 
     place = message if ": " in message.partition(" must ")[0] else f": {message}"
-    assert str(caught.value) == f"c.yaml: c{'' if place[0] == ':' else '.'}{place}"
+    line, values = caught.value.line, [*{**MINIMAL[type_], **parameters}]
+    where = "c.yaml" if line is None else f"c.yaml:{line}"
+    assert str(caught.value) == f"{where}: c{'' if place[0] == ':' else '.'}{place}"
+    assert line is None or values[line - 1].rpartition(".")[2] in message
 
 
 @pytest.mark.parametrize(

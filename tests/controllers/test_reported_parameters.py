@@ -22,6 +22,7 @@ from arm_drake.manager.loading import load_controllers
 from tests.controllers.parameters import (
     ACKERMANN,
     DIFF_DRIVE,
+    GRIPPER,
     JSB,
     JTC,
     MINIMAL,
@@ -59,6 +60,26 @@ def test_the_only_value_that_acts_is_named():
         f"warning: {name}: False is not acted on yet; the controller acts as with True"
     ]
     assert report_of(JTC, {name: True}, distro="humble") == []
+
+
+@pytest.mark.parametrize(
+    ("type_", "name", "done"),
+    [
+        (JTC, "constraints.a.trajectory", "no tolerance holds, as for 0"),
+        (JTC, "constraints.b.goal", "no tolerance holds, as for 0"),
+        (JTC, "constraints.stopped_velocity_tolerance", "no tolerance holds, as for 0"),
+        (
+            GRIPPER,
+            "stall_velocity_threshold",
+            "the gripper counts as standing, however fast it is",
+        ),
+        (GRIPPER, "stall_timeout", "the gripper never stalls"),
+    ],
+)
+def test_what_a_number_does_that_is_none_is_said(type_, name, done):
+    lines = report_of(type_, {name: float("nan")})
+
+    assert lines == [f"warning: {name}: it is not a number; {done}"]
 
 
 def test_gains_without_a_pid_are_reported_once():
@@ -199,7 +220,7 @@ def test_a_type_that_is_not_simulated_has_its_parameters_checked():
         ["unconfigured"],
         [
             what,
-            f"error: c.yaml: c: joints must have at least one element; {done}",
+            f"error: c.yaml:7: c: joints must have at least one element; {done}",
         ],
         False,
     )

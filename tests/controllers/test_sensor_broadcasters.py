@@ -45,6 +45,7 @@ from tests.controllers.parameters import (
     GPS,
     IMU,
     MAGNETOMETER,
+    MINIMAL,
     POSE,
     RANGE,
     STATES,
@@ -215,7 +216,8 @@ def test_a_name_that_is_missing_or_empty_is_refused(  # B7, B14, B19d, B20b
         load(type_, {name: ""})
 
     assert str(missing.value) == f"c.yaml: c.{name}: is required but missing"
-    assert str(empty.value) == f"c.yaml: c: {name} must not be empty, got ''"
+    line = [*{**MINIMAL[type_], name: ""}].index(name) + 1
+    assert str(empty.value) == f"c.yaml:{line}: c: {name} must not be empty, got ''"
 
 
 def test_imu_values_come_in_the_order_of_the_interfaces() -> None:  # B1
@@ -731,7 +733,7 @@ def test_there_must_be_an_interface_to_publish() -> None:  # B22
     with pytest.raises(ParameterError) as error:
         load(STATES, {"interfaces": []})
 
-    assert str(error.value) == ("c.yaml: c: interfaces must have at least one element")
+    assert str(error.value) == "c.yaml:1: c: interfaces must have at least one element"
 
 
 def test_values_are_nan_before_the_first_tick() -> None:  # B22a

@@ -150,7 +150,7 @@ def test_an_unknown_parameter_is_reported_with_the_closest():
             "c.yaml:2: arm.method: expected one of ['splines', 'none'], got 'spline'",
         ),
         ({"a__p": "x"}, "c.yaml:2: arm.a.p: expected float, got 'x'"),
-        ({"a__p": -1.0}, "c.yaml: arm.a: p must be at least 0, got -1.0"),
+        ({"a__p": -1.0}, "c.yaml:2: arm.a: p must be at least 0, got -1.0"),
     ],
 )
 def test_a_bad_parameter_is_one_located_message(values, message):

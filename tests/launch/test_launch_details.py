@@ -52,11 +52,63 @@ def test_arguments_are_shown_of_what_can_be_read(
     assert (last["name"], last["default"]) == ("last", "right")
 
 
+@pytest.mark.slow
+def test_of_several_copies_of_a_package_the_one_that_is_taken_is_said(
+    tmp_path: Path,
+) -> None:
+    near, first, second = (
+        make_package(tmp_path / place) for place in ("near", "far/a", "far/b")
+    )
+    for folder in (near, first, second):
+        describe(folder, "publisher(),")
+
+    plan = ad.load_launch(
+        "pendulum_bringup", "test.launch.py", package_paths=[tmp_path]
+    )
+
+    assert plan.file == near / "launch/test.launch.py"
+    assert [str(entry) for entry in plan.report] == [
+        f"warning: package 'pendulum_bringup' is there several times, also as {first}, "
+        f"{second}; taken: {near}; another one's folder can be named instead"
+    ]
+    assert plan.robots[0].source.is_relative_to(near)
+
+
+@pytest.mark.slow
+def test_a_launch_file_that_is_installed_elsewhere_is_found(package: Path) -> None:
+    file = describe(package, "publisher(),")
+    (package / "CMakeLists.txt").write_text(
+        "project(pendulum_bringup)\n"
+        "install(DIRECTORY launch/ DESTINATION share/${PROJECT_NAME})\n"
+    )
+
+    plan = ad.load_launch(package.name, file.name, package_paths=[package])
+
+    assert plan.file == file
+
+
+def test_of_several_files_in_a_package_none_is_taken(package: Path) -> None:
+    one = describe(package, "publisher(),")
+    other = package / "other" / one.name
+    other.parent.mkdir()
+    other.write_bytes(one.read_bytes())
+
+    with pytest.raises(InputError) as caught:
+        ad.load_launch(package.name, one.name, package_paths=[package])
+
+    assert str(caught.value) == (
+        f"package {package.name!r} has several {one.name!r}; name one by its path: "
+        f"{one}, {other}"
+    )
+
+
 def test_what_names_no_launch_file_is_reported(package: Path) -> None:
     path = describe(package, "publisher(),")
 
     with pytest.raises(InputError, match=r"is a folder; .*, too: test.launch.py"):
         ad.load_launch(package)
+    with pytest.raises(InputError, match="is a folder without launch files; expected"):
+        ad.load_launch(package / "config")
     with pytest.raises(InputError, match="'side': expected an argument as NAME:=VALUE"):
         ad.load_launch(path, "side")
 

@@ -823,6 +823,8 @@ def test_a_node_that_is_not_run_is_reported_with_what_it_would_do(
     ("entities", "words", "message"),
     [
         ("publisher(),", ["--motion", "home"], "--motion is for a simulation"),
+        ("publisher(),", ["--ros"], "--ros is for a simulation"),
+        ("publisher(),", ["--image", "eye=a.png"], "--image is for a simulation"),
         ("publisher(),", ["--ghost"], "--ghost: expected a pose"),
         ("publisher(), manager(),", ["--position", "1"], "--initial JOINT=VALUE says"),
         ("publisher(), manager(),", ["--ghost", "1"], "expected --ghost alone"),

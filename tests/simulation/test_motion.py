@@ -744,11 +744,11 @@ def test_an_error_of_a_list_in_python_has_no_file():
         ),
         (
             goal("{points: [{time_from_start: soon}]}"),
-            f"[0].goal.points[0]: time_from_start: {TIME}, got 'soon'",
+            f"[0].goal.points[0].time_from_start: {TIME}, got 'soon'",
         ),
         (
             goal("{points: [{time_from_start: {sec: 1, nsec: 2}}]}"),
-            f"[0].goal.points[0]: time_from_start: {TIME}, got {{'sec': 1, 'nsec': 2}}",
+            f"[0].goal.points[0].time_from_start: {TIME}, got {{'sec': 1, 'nsec': 2}}",
         ),
         (
             goal("{path_tolerance: {}}"),
@@ -791,6 +791,7 @@ def test_a_malformed_motion_is_one_located_message(load, tmp_path, text, message
         ("points: [{positions: [0, .nan]}]", 8),
         ("points:\n    - positions: [0]\n    - positions: [a]", 10),
         ("points:\n    - positions: [0]\n      position: 1", 10),
+        ("points:\n    - positions: [0]\n      time_from_start: soon", 10),
         ("points: []\n    header: 1", 9),
         ("points: []\n    more: 1", 9),
         ("points: []\n    path_tolerance:\n    - {name: a}\n    - {nam: b}", 11),
@@ -830,6 +831,7 @@ def test_a_step_knows_its_line(load, tmp_path):
         ),
         ("- &a [*a]", ":1: malformed YAML: the value contains itself"),
         ("- {[1]: 2}", ":1: malformed YAML: found unhashable key"),
+        ("- at: 1\n  cancel: true\n  at: 2", ":3: the key 'at' stands twice"),
         (b"\xff", ": can't be read: it is not UTF-8 text"),
         ("\na: 1", ":2: unknown key 'a'; known: parameters, steps"),
     ],
@@ -839,6 +841,18 @@ def test_a_text_that_is_no_yaml_is_one_located_message(load, tmp_path, text, mes
         load(text)
 
     assert str(caught.value) == f"{tmp_path / 'motion.yaml'}{message}"
+
+
+@pytest.mark.parametrize("name", ["motions", "motions.d"])
+def test_a_folder_is_an_error(tmp_path, name):
+    path = tmp_path / name
+    path.mkdir()
+
+    with pytest.raises(MotionError) as caught:
+        load_motion(path)
+
+    text = "is a folder; expected the YAML file of a motion"
+    assert str(caught.value) == f"{path}: {text}"
 
 
 def test_a_missing_file_is_an_error(tmp_path):

@@ -256,14 +256,17 @@ class JointTrajectoryControllerParameters:
         if 0.0 < timeout <= goal_time:
             what = f"it must exceed constraints.goal_time, {goal_time}"
             params.add("cmd_timeout", "warning", "ignored", what, "there is no timeout")
+        joints = params.get("joints", tuple[str, ...]) or ()
+        own = [f"{joint}.{kind}" for joint in joints for kind in ("trajectory", "goal")]
+        for name in (*own, "stopped_velocity_tolerance"):
+            params.warn_of_nan(f"constraints.{name}", "no tolerance holds, as for 0")
         if params.distro == "humble":
             if set(commands or ()) == {"position", "effort"}:
                 what = f"humble takes 'effort' alone only, got {list(commands)}"
                 params.reject("command_interfaces", what)
-            joints = params.get("joints", tuple[str, ...])
-            own = params.get("command_joints", tuple[str, ...])
-            if joints and own and len(own) != len(joints):
-                what = f"humble takes as many as joints only, got {list(own)}"
+            others = params.get("command_joints", tuple[str, ...])
+            if joints and others and len(others) != len(joints):
+                what = f"humble takes as many as joints only, got {list(others)}"
                 params.reject("command_joints", what)
 
     def __post_init__(self) -> None:

@@ -432,11 +432,8 @@ class LiveSimulation:
         if self.scene is None:
             raise InputError("no scene was given that could be saved")
         names = (f"scene_{number}.yaml" for number in itertools.count(2))
-        path = next(
-            path
-            for path in map(Path, itertools.chain(["scene.yaml"], names))
-            if not path.exists()
-        )
+        paths = map(Path, itertools.chain(["scene.yaml"], names))
+        path = next(path for path in paths if not path.exists())
         self.scene.at(self.simulation).save(path)
         self.note(f"scene saved: {path}")
         return path
@@ -486,8 +483,13 @@ class LiveSimulation:
                 self.handle(self.page.events(_PANEL_PERIOD))
             self._tell(None)
 
+    def give_up(self) -> None:
+        """Report tasks of the motion that weren't ended or begun: none goes on."""
+        self._player.give_up()
+
     def close(self) -> None:
-        """End the connections of programs outside, if there are any."""
+        """Give up, and end the connections of programs outside, if there are any."""
+        self.give_up()
         if self.ros is not None:
             self.ros.stop()
 

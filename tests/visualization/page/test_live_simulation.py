@@ -714,6 +714,34 @@ def test_a_motion_that_the_robot_cannot_do_is_said_at_once(
         make(page, robot, motion=motion)
 
 
+def test_a_task_is_reported_of_that_nobody_goes_on_to_begin(
+    page: Page, robot: ad.Robot
+) -> None:
+    task = {"at": 0.2, "plan_to": {"positions": {"shoulder": 0.3}}}
+    live = make(page, robot, motion=parse_motion([task]))
+    live.run(0.1)
+    # It may go on from there.
+    assert not live.simulation.rejected
+
+    live.give_up()
+
+    (outcome,) = live.simulation.rejected
+    told = "[0].plan_to: not begun: the simulation ended before its time"
+    assert live.simulation.mailbox.describe(outcome) == told
+    assert told in live.log
+    live.run(0.2)
+    assert not live.simulation.goals
+
+
+def test_a_page_that_closes_gives_up(page: Page, robot: ad.Robot) -> None:
+    task = {"at": 0.2, "plan_to": {"positions": {"shoulder": 0.3}}}
+    live = make(page, robot, motion=parse_motion([task]))
+
+    live.close()
+
+    assert len(live.simulation.rejected) == 1
+
+
 def test_what_was_simulated_is_kept_when_meshcat_ends(
     page: Page, robot: ad.Robot
 ) -> None:

@@ -241,3 +241,19 @@ def test_the_command_takes_a_picture(tmp_path: Path, recorded) -> None:
 
     assert code == 0
     assert file.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("option", "word"),
+    [
+        (["--plot", "a.png"], ["--rate", "2"]),
+        (["--record", "a.html"], ["--host", "*"]),
+        (["--screenshot", "a.png"], ["--port", "7001"]),
+        (["--video", "a.mp4"], ["--open"]),
+    ],
+)
+def test_files_have_no_page(option, word, capsys) -> None:
+    code = main(["replay", "a.npz", *option, *word])
+
+    message = f"{word[0]} is for the page, and with {option[0]} there is none"
+    assert (code, capsys.readouterr().err) == (2, f"arm-drake: {message}\n")
