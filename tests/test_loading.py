@@ -24,6 +24,8 @@ KNOWN_ROBOTS = ", ".join(bundled_robots())
 JTC = "joint_trajectory_controller/JointTrajectoryController"
 
 # A turning joint with mass behind it.
+XACRO = "http://www.ros.org/wiki/xacro"
+
 ARM = """\
 <robot name="arm">
   <link name="world"/>
@@ -168,6 +170,42 @@ def test_a_folder_with_one_robot_is_loaded(package):
     (package / "folder.urdf").mkdir()
 
     assert ad.load_robot(package).description.file == package / "urdf" / "arm.urdf"
+
+
+@pytest.mark.parametrize(
+    "inside",
+    [
+        '<xacro:macro name="hand"><link name="palm"/></xacro:macro>',
+        '<!-- <link name="palm"/> --><xacro:arg name="a" default=""/>',
+        '<xacro:include filename="more.xacro"/><xacro:property name="p" value="1"/>'
+        '<xacro:macro name="hand"><link name="palm"/></xacro:macro>'
+        '<xacro:macro name="foot"><xacro:hand/></xacro:macro>',
+    ],
+)
+def test_a_named_file_of_macros_is_no_robot(package, inside):
+    macros = f'<robot xmlns:xacro="{XACRO}" name="hand">{inside}</robot>'
+    write(package / "urdf" / "hand.urdf.xacro", macros)
+    (package / "urdf" / "arm.urdf").rename(package / "urdf" / "a.urdf")
+
+    assert ad.load_robot(package).description.file == package / "urdf" / "a.urdf"
+
+
+@pytest.mark.parametrize(
+    "inside",
+    [
+        '<xacro:macro name="hand"><link name="palm"/></xacro:macro><xacro:hand/>',
+        '<xacro:macro name="hand" params="a"/><link name="palm"/>',
+        '<xacro:include filename="hand.xacro"/>',
+    ],
+)
+def test_a_file_that_calls_macros_or_includes_links_is_a_robot(package, inside):
+    calls = f'<robot xmlns:xacro="{XACRO}" name="hand">{inside}</robot>'
+    write(package / "urdf" / "hand.urdf.xacro", calls)
+    (package / "urdf" / "arm.urdf").rename(package / "urdf" / "a.urdf")
+
+    assert problem(package).endswith(
+        "got 2; name the file: urdf/a.urdf, urdf/hand.urdf.xacro"
+    )
 
 
 def test_of_several_robots_in_a_folder_the_one_of_its_name_is_loaded(package):
