@@ -598,6 +598,20 @@ def test_a_missing_parameters_file_is_reported(package, uri):
     ]
 
 
+def test_candidates_are_named_for_a_missing_parameters_file(package):
+    # A launch file puts the path in, which nobody does here.
+    file = arm_with(package, plugin("CONTROLLERS"))
+    controllers = controllers_with(package)
+
+    robot = ad.load_robot(package)
+
+    assert robot.controllers.files == ()
+    assert lines(robot)[0] == (
+        f"error: {file}: <parameters>: 'CONTROLLERS' does not exist; its controllers "
+        f"are left out; --controllers FILE gives others; candidates: {controllers}"
+    )
+
+
 @pytest.mark.parametrize(
     "uri",
     [
