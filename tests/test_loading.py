@@ -198,8 +198,11 @@ def test_a_named_file_of_macros_is_no_robot(package, inside):
         '<xacro:include filename="hand.xacro"/>',
     ],
 )
-def test_a_file_that_calls_macros_or_includes_links_is_a_robot(package, inside):
-    calls = f'<robot xmlns:xacro="{XACRO}" name="hand">{inside}</robot>'
+@pytest.mark.parametrize("name", ['name="hand"', ""])
+def test_a_file_that_calls_macros_or_includes_links_is_a_robot(package, name, inside):
+    if not name:
+        inside = f'<xacro:attribute name="name" value="hand"/>{inside}'
+    calls = f'<robot xmlns:xacro="{XACRO}" {name}>{inside}</robot>'
     write(package / "urdf" / "hand.urdf.xacro", calls)
     (package / "urdf" / "arm.urdf").rename(package / "urdf" / "a.urdf")
 

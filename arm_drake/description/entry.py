@@ -108,7 +108,8 @@ _SUFFIXES = (".urdf", ".xacro", ".xml")
 # How packages of a robot's description are called, after the robot.
 _FOLDER_SUFFIXES = ("_description", "_descriptions", "_support")
 
-# Tags of a xacro file: macros without content, and calls of macros.
+# Tags of a xacro file: a robot's name, macros without content, calls of macros.
+_NAME = re.compile(r"<xacro:attribute\s[^<>]*\bname\s*=\s*['\"]name['\"]")
 _EMPTY_MACRO = re.compile(r"<xacro:macro\b[^<>]*/>")
 _CALL = re.compile(
     r"<xacro:(?!(arg|attribute|element|else|if|include|insert_block|macro|property"
@@ -227,6 +228,7 @@ def _makes_robot(path: Path) -> bool:
     makes_links = "<link" in outside or _CALL.search(outside) is not None
     # What a file of macros includes are other macros.
     includes = "<xacro:include" in outside and "<xacro:macro" not in text
+    is_named |= _NAME.search(outside) is not None
     return is_named and (makes_links or includes)
 
 
