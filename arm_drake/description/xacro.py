@@ -37,7 +37,8 @@ _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _ARGUMENT = re.compile(r"<xacro:arg\s([^>]*)>")
 _INCLUDE = re.compile(r"<xacro:include\s([^>]*)>")
 _ATTRIBUTE = re.compile(r"(\w+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
-_FIND = re.compile(r"\$\(find\s+([^)\s]+)\s*\)")
+# Names that are put together are left out.
+_FIND = re.compile(r"\$\(find\s+([^)\s$]+)\s*\)")
 _PACKAGE_URI = re.compile(r"package://([^/\"'$<>\s]+)/")
 
 # A bound on the files read for one message.

@@ -326,6 +326,7 @@ def test_all_missing_packages_are_named_at_once(expand, tmp_path):
         """
         <!-- <xacro:include filename="$(find unused)/a.xacro"/> -->
         <xacro:include filename="$(find two)/a.xacro"/>
+        <xacro:macro name="m" params="p"><m file="$(find ${p})/a.stl"/></xacro:macro>
         <link name="a"><visual><geometry><mesh filename="package://three/a.stl"/>
         </geometry></visual></link>
         """
@@ -345,7 +346,7 @@ def test_all_missing_packages_are_named_at_once(expand, tmp_path):
     assert str(caught.value) == (
         f"{file}: 3 packages not found: 'one' (asked for by {file}:4, {file}:5), "
         f"'two' (asked for by {tmp_path / 'part.xacro'}:4), "
-        f"'three' (asked for by {tmp_path / 'part.xacro'}:5); name the folders that "
+        f"'three' (asked for by {tmp_path / 'part.xacro'}:6); name the folders that "
         "hold them with package_paths (--package-path)"
     )
 
