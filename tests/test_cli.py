@@ -142,6 +142,19 @@ def test_check_reports_a_joint_that_the_robot_lacks(run, tmp_path):
     assert f"controller {JTC} ({kind}): inactive: {problem}" in out
 
 
+@pytest.mark.slow
+def test_check_names_the_parameter_that_a_controller_lacks(run, tmp_path):
+    yaml = (configs_folder() / "doosan_a0912/controllers.yaml").read_text()
+    broken = tmp_path / "controllers.yaml"
+    broken.write_text(yaml.replace("    joints:", "    jionts:", 1))
+
+    _, out, _ = run("check", "doosan_a0912", "--controllers", broken)
+
+    kind = "joint_trajectory_controller/JointTrajectoryController"
+    problem = "joints: is required but missing"
+    assert f"controller {JTC} ({kind}): unconfigured: {problem}\n" in out
+
+
 def test_check_tells_what_overlaps_where_the_robot_stands(run, tmp_path):
     box = '<collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision>'
     urdf = (

@@ -24,6 +24,8 @@ KNOWN_ROBOTS = ", ".join(bundled_robots())
 JTC = "joint_trajectory_controller/JointTrajectoryController"
 
 # A turning joint with mass behind it.
+XACRO = "http://www.ros.org/wiki/xacro"
+
 ARM = """\
 <robot name="arm">
   <link name="world"/>
@@ -168,6 +170,45 @@ def test_a_folder_with_one_robot_is_loaded(package):
     (package / "folder.urdf").mkdir()
 
     assert ad.load_robot(package).description.file == package / "urdf" / "arm.urdf"
+
+
+@pytest.mark.parametrize(
+    "inside",
+    [
+        '<xacro:macro name="hand"><link name="palm"/></xacro:macro>',
+        '<!-- <link name="palm"/> --><xacro:arg name="a" default=""/>',
+        '<xacro:include filename="more.xacro"/><xacro:property name="p" value="1"/>'
+        '<xacro:macro name="hand"><link name="palm"/></xacro:macro>'
+        '<xacro:macro name="foot"><xacro:hand/></xacro:macro>',
+    ],
+)
+def test_a_named_file_of_macros_is_no_robot(package, inside):
+    macros = f'<robot xmlns:xacro="{XACRO}" name="hand">{inside}</robot>'
+    write(package / "urdf" / "hand.urdf.xacro", macros)
+    (package / "urdf" / "arm.urdf").rename(package / "urdf" / "a.urdf")
+
+    assert ad.load_robot(package).description.file == package / "urdf" / "a.urdf"
+
+
+@pytest.mark.parametrize(
+    "inside",
+    [
+        '<xacro:macro name="hand"><link name="palm"/></xacro:macro><xacro:hand/>',
+        '<xacro:macro name="hand" params="a"/><link name="palm"/>',
+        '<xacro:include filename="hand.xacro"/>',
+    ],
+)
+@pytest.mark.parametrize("name", ['name="hand"', ""])
+def test_a_file_that_calls_macros_or_includes_links_is_a_robot(package, name, inside):
+    if not name:
+        inside = f'<xacro:attribute name="name" value="hand"/>{inside}'
+    calls = f'<robot xmlns:xacro="{XACRO}" {name}>{inside}</robot>'
+    write(package / "urdf" / "hand.urdf.xacro", calls)
+    (package / "urdf" / "arm.urdf").rename(package / "urdf" / "a.urdf")
+
+    assert problem(package).endswith(
+        "got 2; name the file: urdf/a.urdf, urdf/hand.urdf.xacro"
+    )
 
 
 def test_of_several_robots_in_a_folder_the_one_of_its_name_is_loaded(package):
@@ -558,6 +599,20 @@ def test_a_missing_parameters_file_is_reported(package, uri):
         f"error: {file}: <parameters>: {uri!r} does not exist; "
         "its controllers are left out"
     ]
+
+
+def test_candidates_are_named_for_a_missing_parameters_file(package):
+    # A launch file puts the path in, which nobody does here.
+    file = arm_with(package, plugin("CONTROLLERS"))
+    controllers = controllers_with(package)
+
+    robot = ad.load_robot(package)
+
+    assert robot.controllers.files == ()
+    assert lines(robot)[0] == (
+        f"error: {file}: <parameters>: 'CONTROLLERS' does not exist; its controllers "
+        f"are left out; --controllers FILE gives others; candidates: {controllers}"
+    )
 
 
 @pytest.mark.parametrize(

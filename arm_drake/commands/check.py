@@ -82,7 +82,8 @@ def _problem(controller: str, report: LoadReport) -> str | None:
         where = entry.where.removeprefix(f"{MANAGER}.")
         is_meant = where == controller or where.startswith(f"{controller}.")
         if is_meant and entry.done.startswith("the controller"):
-            return entry.what
+            parameter = where.removeprefix(controller).removeprefix(".")
+            return f"{parameter}: {entry.what}" if parameter else entry.what
     return None
 
 

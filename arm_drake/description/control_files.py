@@ -53,7 +53,7 @@ def find_control_files(
     ]
     if named:
         found = (
-            _find_named(text, description.file, packages, report)
+            _find_named(text, description, packages, report)
             for text in dict.fromkeys(named)
         )
         return [path for path in found if path is not None]
@@ -66,9 +66,13 @@ def find_control_files(
 
 
 def _find_named(
-    text: str, file: Path, packages: PackageFinder, report: LoadReport
+    text: str,
+    description: RobotDescription,
+    packages: PackageFinder,
+    report: LoadReport,
 ) -> Path | None:
     """Return the file of a `<parameters>` tag, or None and a line in the report."""
+    file = description.file
     try:
         path, is_elsewhere = packages.locate(text, file.parent)
         problem = ""
@@ -80,6 +84,9 @@ def _find_named(
         problem = error.problem
     if problem:
         what, done = f"<parameters>: {problem}", "its controllers are left out"
+        if candidates := _candidates(description, packages):
+            listed = ", ".join(map(str, candidates))
+            done += f"; --controllers FILE gives others; candidates: {listed}"
         report.add("error", "missing", what, done, file=file)
         return None
     if is_elsewhere:

@@ -166,14 +166,17 @@ def report_foreign(
             groups.setdefault(group, {})[rest] = parameter
     for group, members in groups.items():
         listed = ", ".join(sorted(members))
+        severity: Severity = "info"
         if group in controllers:
+            # They are meant, as an unknown parameter is.
+            severity = "warning"
             what = f"{listed}: a controller's parameters stand in its own section"
         elif "" not in members:
             what = f"no controller, for it has no 'type', only {listed}"
         else:
             what = f"unknown parameter; {suggest(group, _KNOWN)}"
         where, first = f"{node}.{group}", next(iter(members.values()))
-        report.add("info", "ignored", what, _NO_EFFECT, where=where, at=first)
+        report.add(severity, "ignored", what, _NO_EFFECT, where=where, at=first)
 
 
 def texts_of(parameter: Parameter | None, where: str) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ and of examples.
 """
 
 import os
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -106,6 +107,14 @@ _SUFFIXES = (".urdf", ".xacro", ".xml")
 
 # How packages of a robot's description are called, after the robot.
 _FOLDER_SUFFIXES = ("_description", "_descriptions", "_support")
+
+# Tags of a xacro file: a robot's name, macros without content, calls of macros.
+_NAME = re.compile(r"<xacro:attribute\s[^<>]*\bname\s*=\s*['\"]name['\"]")
+_EMPTY_MACRO = re.compile(r"<xacro:macro\b[^<>]*/>")
+_CALL = re.compile(
+    r"<xacro:(?!(arg|attribute|element|else|if|include|insert_block|macro|property"
+    r"|unless)\b)"
+)
 
 # Bounds on a search: a folder may be that of all files there are.
 _MAX_FOLDERS = 5_000
@@ -214,7 +223,18 @@ def _makes_robot(path: Path) -> bool:
     is_named = "name=" in root[0].replace(" ", "")
     if path.suffix.lower() == ".urdf":
         return is_named
-    return is_named and ("<link" in root[2] or "<xacro:include" in root[2])
+    text = _EMPTY_MACRO.sub("", _without(root[2], "<!--", "-->"))
+    outside = _without(text, "<xacro:macro", "</xacro:macro")
+    makes_links = "<link" in outside or _CALL.search(outside) is not None
+    # What a file of macros includes are other macros.
+    includes = "<xacro:include" in outside and "<xacro:macro" not in text
+    is_named |= _NAME.search(outside) is not None
+    return is_named and (makes_links or includes)
+
+
+def _without(text: str, start: str, end: str) -> str:
+    """Return a text without what stands between two marks."""
+    return "".join(part.partition(start)[0] for part in text.split(end))
 
 
 def text_of(path: Path) -> str:

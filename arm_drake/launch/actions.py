@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from arm_drake.launch.event_handlers import Event, EventHandler
-from arm_drake.launch.nodes import find_role
+from arm_drake.launch.nodes import PACKAGES, find_role
 from arm_drake.launch.parameters import read_parameters, read_value
 from arm_drake.launch.substitutions import (
     LaunchContext,
@@ -713,13 +713,13 @@ class LaunchRun:
         names = [word for word in words if ":=" not in word and word[:1] != "-"]
         arguments = dict(w.split(":=", 1) for w in words if ":=" in w)
         if not names:
-            text = "expected a package and a file"
-            raise LaunchError(f"ros2 launch {' '.join(words)}: {text}")
+            said = " ".join(words)
+            raise LaunchError(f"ros2 launch {said}: expected a package and a file")
         file = names[0]
         if len(names) > 1:
             folder = Path(self.context.find_package(names[0]))
-            found = sorted(folder.rglob(names[1]))
-            if not found:
+            stood_for = [folder / "launch" / names[1]] if names[0] in PACKAGES else []
+            if not (found := sorted(folder.rglob(names[1])) or stood_for):
                 raise LaunchError(f"package {names[0]!r} has no {names[1]!r}")
             file = str(found[0])
         inner = [LambdaAction(lambda run: run.include(file, arguments))]

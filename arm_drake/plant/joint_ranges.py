@@ -75,8 +75,8 @@ def joint_ranges(description: RobotDescription) -> tuple[JointRange, ...]:
     `<safety_controller>` narrows `<limit>`, unless they have nothing in common; an
     attribute that it lacks is 0, as urdfdom reads it. A revolute joint without limits
     goes from -pi to pi, a prismatic one from -1 m to 1 m; one with a single limit has a
-    range as wide. Limits beyond 1000 are none. Limits of a joint that follows are its
-    own, whether its master can keep them or not.
+    range as wide. Limits beyond 1000 are none. A joint that follows goes as far as its
+    master takes it.
     """
     return tuple(_range(joint) for joint in description.movable_joints)
 

@@ -782,7 +782,7 @@ def test_parameters_of_the_manager_without_effect_are_reported(load):
         "hardware_components_initial_state, update_rate; it has no effect",
         "info: 0.yaml:6: controller_manager.gains: no controller, for it has no "
         "'type', only d, p; it has no effect",
-        "info: 0.yaml:8: controller_manager.arm: gains.p, joints: a controller's "
+        "warning: 0.yaml:8: controller_manager.arm: gains.p, joints: a controller's "
         "parameters stand in its own section; it has no effect",
     ]
 
@@ -801,8 +801,8 @@ def test_parameters_of_all_nodes_are_not_the_managers_alone(load):
     assert config.enforce_command_limits is True
     assert values(config) == {"joints": ["a"]}
     assert lines == [
-        "info: 0.yaml:6: controller_manager.arm: gains.p: a controller's parameters "
-        "stand in its own section; it has no effect"
+        "warning: 0.yaml:6: controller_manager.arm: gains.p: a controller's "
+        "parameters stand in its own section; it has no effect"
     ]
 
 
@@ -921,8 +921,8 @@ def test_a_misspelt_type_is_one_error_where_it_is(load):
     assert lines == [
         "error: 0.yaml:6: controller_manager.leg: no 'type' is given, but 'typ'; "
         "it is not spawned",
-        "info: 0.yaml:6: controller_manager.leg: typ: a controller's parameters stand "
-        "in its own section; it has no effect",
+        "warning: 0.yaml:6: controller_manager.leg: typ: a controller's parameters "
+        "stand in its own section; it has no effect",
     ]
 
 

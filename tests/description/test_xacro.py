@@ -326,6 +326,7 @@ def test_all_missing_packages_are_named_at_once(expand, tmp_path):
         """
         <!-- <xacro:include filename="$(find unused)/a.xacro"/> -->
         <xacro:include filename="$(find two)/a.xacro"/>
+        <xacro:macro name="m" params="p"><m file="$(find ${p})/a.stl"/></xacro:macro>
         <link name="a"><visual><geometry><mesh filename="package://three/a.stl"/>
         </geometry></visual></link>
         """
@@ -345,7 +346,7 @@ def test_all_missing_packages_are_named_at_once(expand, tmp_path):
     assert str(caught.value) == (
         f"{file}: 3 packages not found: 'one' (asked for by {file}:4, {file}:5), "
         f"'two' (asked for by {tmp_path / 'part.xacro'}:4), "
-        f"'three' (asked for by {tmp_path / 'part.xacro'}:5); name the folders that "
+        f"'three' (asked for by {tmp_path / 'part.xacro'}:6); name the folders that "
         "hold them with package_paths (--package-path)"
     )
 
@@ -393,24 +394,26 @@ def test_a_file_larger_than_any_description_is_refused_unread(tmp_path):
     assert str(caught.value) == f"{path}: {problem}"
 
 
-@pytest.mark.parametrize("body", ['<xacro:arg name="side" default=""/>', "<link/>"])
-def test_an_argument_that_the_file_doesnt_have_is_an_error(expand, tmp_path, body):
-    with pytest.raises(DescriptionError) as caught:
-        expand(body, sied="left")
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        (
+            robot('<xacro:arg name="side" default=""/>'),
+            "did you mean 'side'? known: side",
+        ),
+        (robot("<link/>"), "known: none"),
+        ('<robot name="r"/>', "known: none"),
+    ],
+)
+def test_an_argument_that_the_file_doesnt_have_is_reported(tmp_path, text, hint):
+    path, report = tmp_path / "robot.xacro", LoadReport()
+    path.write_text(text, encoding="utf-8")
 
-    hint = "did you mean 'side'? known: side" if "side" in body else "known: none"
-    file = tmp_path / "robot.xacro"
-    assert str(caught.value) == f"{file}: no xacro argument 'sied'; {hint}"
+    expand_xacro(path, {"sied": "left"}, PackageFinder(path), report)
 
-
-def test_a_plain_urdf_has_no_arguments(tmp_path):
-    path = tmp_path / "robot.urdf"
-    path.write_text('<robot name="r"/>', encoding="utf-8")
-
-    with pytest.raises(DescriptionError) as caught:
-        expand_xacro(path, {"side": "left"}, PackageFinder(path))
-
-    assert str(caught.value) == f"{path}: no xacro argument 'side'; known: none"
+    (line,) = map(str, report)
+    problem = f"no xacro argument 'sied'; {hint}; it has no effect"
+    assert line == f"warning: {path}: {problem}"
 
 
 def test_an_argument_of_an_included_file_can_be_given(expand, tmp_path):

@@ -489,6 +489,35 @@ def test_commands_mean_what_they_say(package: Path) -> None:
     assert second["goal"]["joint_names"] == ["swing"]
 
 
+def test_an_argument_that_only_other_descriptions_have_is_no_matter(
+    package: Path,
+) -> None:
+    path = describe(package, 'publisher([*XACRO, " side:=left"]), manager(),')
+
+    (robot,) = ad.load_launch(path).load_scene().robots
+
+    assert robot.name == "pendulum"
+    assert "no xacro argument 'side'; known: prefix" in str(robot.report)
+
+
+def test_ros2_launch_starts_gazebo_as_an_included_file_does(package: Path) -> None:
+    world = package / "hall.sdf"
+    world.write_text('<sdf version="1.9"><world name="hall"/></sdf>')
+    path = describe(
+        package,
+        """
+        ExecuteProcess(cmd=["ros2", "launch", "ros_gz_sim", "gz_sim.launch.py",
+                            "gz_args:=" + os.path.join(PACKAGE, "hall.sdf") + " -r"]),
+        publisher(),
+        """,
+    )
+
+    plan = ad.load_launch(path)
+
+    assert (plan.world, plan.is_paused) == (world, False)
+    assert names(plan) == []
+
+
 @pytest.mark.slow
 def test_a_model_is_put_into_the_world(package: Path) -> None:
     model = package / "ball.sdf"

@@ -59,9 +59,9 @@ def test_ranges_are_in_the_order_of_the_description(geared):
     ranges = joint_ranges(geared)
 
     assert ranges == (
-        JointRange("last", "rad", -1.0, 1.0, follows="middle"),
+        JointRange("last", "rad", -12.05, 1.0, follows="middle"),
         JointRange("first", "rad", 0.5, 2.0),
-        JointRange("middle", "rad", -1.0, 1.0, follows="first"),
+        JointRange("middle", "rad", -1.0, 4.1, follows="first"),
         WHEEL,
     )
 
