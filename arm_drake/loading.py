@@ -23,7 +23,6 @@ from arm_drake.description.gazebo_plugins import Ros2ControlPlugin
 from arm_drake.description.inertia import repair_free_base
 from arm_drake.description.initial_positions import find_initial_positions
 from arm_drake.description.joints import WORLD
-from arm_drake.description.mimic_limits import fit_mimic_limits
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.parameters import DISTROS
 from arm_drake.description.plugin_control import add_plugins, plugin_joints
@@ -302,7 +301,6 @@ def _complete(
 ) -> tuple[RobotDescription, ControllerManagerConfig]:
     """Add what follows from both: hardware, plugins, sensors, a base that moves."""
     report, entry = loading.report, loading.entry
-    description = fit_mimic_limits(description, report)
     if not description.hardware:
         hardware = hardware_from_controllers(
             config,

@@ -530,6 +530,76 @@ def write_joint(joint: JointInfo) -> str:
     return f"{text}</joint>"
 
 
+# Of the way that a mimic joint is taken, so much beyond its limits is rounding, and so
+# much makes no difference to see.
+_MIMIC_SHARES = 1e-6, 0.01
+
+
+def fit_mimic_limits(
+    joints: Sequence[JointInfo], file: Path, report: LoadReport
+) -> tuple[JointInfo, ...]:
+    """Return joints of which those that follow don't hold back their masters.
+
+    In ROS a joint moves whatever its mimic joints are allowed: mock_components and
+    robot_state_publisher compute their positions, and gz_ros2_control drives them by
+    themselves, so that one at its limit stays behind. Here they are coupled, and one at
+    its limit would stop all. Fingers that move against each other often have the limits
+    of the same side.
+    """
+    by_name = {joint.name: joint for joint in joints}
+    return tuple(
+        joint
+        if joint.mimic is None
+        else dc.replace(joint, limits=_fit_limits(joint, by_name, file, report))
+        for joint in joints
+    )
+
+
+def _fit_limits(
+    joint: JointInfo,
+    joints: Mapping[str, JointInfo],
+    file: Path,
+    report: LoadReport,
+) -> JointLimits:
+    """Return a mimic joint's limits with those of its master within, and report it."""
+    lower, upper = _ends(joint)
+    name, factor, offset = last_master(joint, joints)
+    # 0 times infinity is no number, but a joint that stays where it is.
+    ends = [factor * end if factor else 0.0 for end in _ends(joints[name])]
+    low, high = (offset + end for end in sorted(ends))
+    below = lower - low if low < lower else 0.0
+    above = high - upper if high > upper else 0.0
+    beyond = max(below, above)
+    way = max(high - low, upper - lower)
+    # Of a way without end nothing is small.
+    rounding, small = (
+        share * way if way < math.inf else 0.0 for share in _MIMIC_SHARES
+    )
+    if beyond <= rounding:
+        return joint.limits
+    report.add(
+        "info" if beyond <= small else "warning",
+        "repair",
+        f"limits of {lower:.4g} to {upper:.4g} would stop {name!r}, which takes it "
+        f"from {low:.4g} to {high:.4g}",
+        "it follows beyond them",
+        where=f"joint {joint.name!r}",
+        file=file,
+    )
+    low, high = min(low, lower), max(high, upper)
+    return dc.replace(
+        joint.limits,
+        lower=low if math.isfinite(low) else None,
+        upper=high if math.isfinite(high) else None,
+    )
+
+
+def _ends(joint: JointInfo) -> tuple[float, float]:
+    """Return the limits of a joint, infinite where it has none [rad] or [m]."""
+    lower, upper = joint.limits.lower, joint.limits.upper
+    return -math.inf if lower is None else lower, math.inf if upper is None else upper
+
+
 class _Finder(ElementReader):
     """Finds the mimic relation of one joint of a block."""
 

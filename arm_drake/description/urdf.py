@@ -34,6 +34,7 @@ from arm_drake.description.joints import (
     drop_bad_mimics,
     extent,
     find_mimics,
+    fit_mimic_limits,
     links_on,
     read_joint,
     report_degrees,
@@ -234,6 +235,7 @@ def parse_urdf(
     joints = drop_bad_mimics(joints, file, report)
     hardware = read_hardware(root, [joint.name for joint in joints], report, file)
     joints = find_mimics(joints, hardware, report, file)
+    joints = fit_mimic_limits(joints, file, report)
     plugins = read_gazebo_plugins(root)
     report_hardware(hardware, report, file)
     sensors, seeing = _read_sensors(root, links, joints, hardware, report, file)
