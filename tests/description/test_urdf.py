@@ -70,7 +70,7 @@ WHOLE = """
 </joint>
 <joint name="k" type="prismatic"><parent link="c"/><child link="d"/>
 <limit upper="0.1" effort="1" velocity="1"/>
-<mimic joint="j" multiplier="-0.1" offset="0.3"/></joint>
+<mimic joint="j" multiplier="-0.1" offset="0.05"/></joint>
 <joint name="f" type="fixed"><parent link="d"/><child link="tip"/></joint>
 """
 
