@@ -20,6 +20,7 @@ from arm_drake.description.drive_gains import find_drive_gains, holds_joints
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot, list_robots
 from arm_drake.description.srdf import find_disabled_collisions
+from arm_drake.description.urdf import total_mass
 from arm_drake.errors import InputError, suggest
 from arm_drake.hardware.drive_report import (
     find_obstacles,
@@ -52,7 +53,7 @@ from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.manager.loaded_controllers import LoadedController, command_order
 from arm_drake.manager.loading import load_controllers_of, report_motionless
 from arm_drake.options import SimulationOptions
-from arm_drake.plant.contact import Shape, separate, with_surfaces
+from arm_drake.plant.contact import Shape, carry_weight, separate, with_surfaces
 from arm_drake.plant.initial_poses import log_free_poses, place_free_links
 from arm_drake.plant.joint_ranges import (
     find_gripper_joints,
@@ -395,6 +396,8 @@ def _add_models(
         add_payloads(plant, model, own, collides=collides)
     plant.Finalize()
     for base, model in zip(bases, models, strict=True):
+        if base.robot.has_free_base:
+            carry_weight(scene_graph, total_mass(base.robot.description))
         place_free_links(plant, scene_graph, model, base.robot)
         base.set_friction(plant, scene_graph, model)
     return models

@@ -5,6 +5,7 @@ import math
 import os
 import pickle
 import random
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -572,6 +573,18 @@ def test_the_one_file_in_the_packages_config_folder_is_loaded(package):
     (package / "config" / "folder.yaml").mkdir()
 
     assert ad.load_robot(package).controllers.files == (file,)
+
+
+def test_the_one_file_that_is_installed_in_the_config_folder_is_loaded(package):
+    name = re.search(r"<name>(.*?)</name>", (package / "package.xml").read_text())
+    bringup = "install(DIRECTORY bringup/config DESTINATION share/${PROJECT_NAME})"
+    write(package / "CMakeLists.txt", f"project({name[1]})\n{bringup}\n")
+    file = controllers_with(package / "bringup")
+
+    robot = ad.load_robot(package)
+
+    assert robot.controllers.files == (file,)
+    assert lines(robot) == []
 
 
 def test_of_two_files_in_the_config_folder_none_is_taken_and_both_are_named(package):

@@ -12,7 +12,7 @@ from arm_drake.description.controllers import (
     ControllerManagerConfig,
 )
 from arm_drake.description.entry import Source, configs_folder, text_of
-from arm_drake.description.packages import PackageFinder
+from arm_drake.description.packages import PackageFinder, package_name
 from arm_drake.description.parameters import Parameter
 from arm_drake.description.plugin_control import moving_plugins, plugin_joints
 from arm_drake.description.report import LoadReport
@@ -100,11 +100,9 @@ def _controllers_in_package(
     description: RobotDescription, packages: PackageFinder, report: LoadReport
 ) -> list[Path] | None:
     """Return the controllers YAML in the package's config folder, if there is one."""
-    folders = [f for f in description.file.parents if (f / "package.xml").is_file()]
     candidates = [
         path
-        for folder in folders[:1]
-        for path in sorted((folder / "config").glob("**/*.y*ml"))
+        for path in _files_in_config(description.file, packages)
         if _has_controllers(path)
     ]
     if moving_plugins(description) and not description.hardware:
@@ -123,6 +121,24 @@ def _controllers_in_package(
     done = "no controller runs; --controllers FILE gives one"
     report.add("warning", "missing", what, done, file=description.file)
     return []
+
+
+def _files_in_config(file: Path, packages: PackageFinder) -> list[Path]:
+    """Return the YAML files of `config` in a file's package, as source or installed.
+
+    Packages after ros2_control's template have it in `bringup/config`.
+    """
+    own = next((f for f in file.parents if (f / "package.xml").is_file()), None)
+    if own is None:
+        return []
+    found = sorted((own / "config").glob("**/*.y*ml"))
+    if found:
+        return found
+    try:
+        installed = packages.find(package_name(own / "package.xml"))
+    except PackageError:
+        return []
+    return [packages.real(f) for f in sorted((installed / "config").glob("**/*.y*ml"))]
 
 
 def _has_controllers(path: Path) -> bool:

@@ -281,19 +281,22 @@ def load_parameters(
                 node_parameters.add(name, "info", "ignored", what, "it has no effect")
             continue
         value = node_parameters.by_name[name].value
-        what = _explain_unknown(name, value, loader.known)
+        what = _explain_unknown(name, value, loader.known, loader.used)
         node_parameters.add(name, "warning", "ignored", what, "it has no effect")
     return result
 
 
-def _explain_unknown(name: str, value: Any, known: set[str]) -> str:
-    """Return what is wrong with a parameter that no schema has."""
+def _explain_unknown(name: str, value: Any, known: set[str], used: set[str]) -> str:
+    """Return what is wrong with a parameter that no schema has.
+
+    It is no misspelling of those that are used, which the file has beside it.
+    """
     start = f"{name}."
     below = [key.removeprefix(start) for key in known if key.startswith(start)]
     keys = {key.partition(".")[0] for key in below}
     if keys:
         return f"expected a mapping of {', '.join(sorted(keys))}, got {value!r}"
-    return f"unknown parameter{_closest(name, known)}"
+    return f"unknown parameter{_closest(name, known - used)}"
 
 
 def _closest(name: str, known: set[str]) -> str:

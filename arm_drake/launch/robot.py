@@ -203,8 +203,12 @@ class LaunchedRobot:
         return list(dict.fromkeys([*found, *self.controllers]))
 
     def states_of(self, robot: Robot, report: LoadReport) -> dict[str, str]:
-        """Return which of a robot's controllers run, by name: active or inactive."""
-        known = [controller.name for controller in robot.controllers.controllers]
+        """Return which of a robot's controllers run, by name: active or inactive.
+
+        Gazebo's plugins run wherever there is a Gazebo; nothing spawns them.
+        """
+        controllers = robot.controllers.controllers
+        known = [each.name for each in controllers if not each.plugins]
         if not robot.description.hardware or not self.is_controlled:
             return {}
         for name in self.spawned:
@@ -219,6 +223,8 @@ class LaunchedRobot:
             what = f"no controller of {robot.name!r} is spawned"
             done = f"none runs; --active NAME starts one: {', '.join(known)}"
             report.add("info", "ignored", what, done)
+        by_plugins = "inactive" if self.simulator is None else "active"
+        states |= {each.name: by_plugins for each in controllers if each.plugins}
         return states | {name: "inactive" for name in known if name not in states}
 
     def _stop_group(

@@ -123,6 +123,16 @@ def test_an_unknown_parameter_is_reported_with_the_closest():
     ]
 
 
+def test_an_unknown_parameter_is_no_misspelling_of_one_that_is_given():
+    report = LoadReport()
+
+    load(report, counts=1, count=2)
+
+    assert str(report) == (
+        "warning: c.yaml:2: arm.counts: unknown parameter; it has no effect"
+    )
+
+
 @pytest.mark.parametrize(
     ("values", "message"),
     [

@@ -10,7 +10,9 @@ import arm_drake as ad
 from arm_drake.cli import main
 from arm_drake.errors import InputError, PackageError
 from arm_drake.launch.launch_files import load_arguments, show_arguments
+from arm_drake.messages import Twist, Vector3
 from arm_drake.planning.timing import motion_limits
+from tests.carts import cart, diff_drive
 from tests.launch.packages import describe, make_package, write_launch
 
 
@@ -870,3 +872,21 @@ def test_options_of_another_kind_of_launch_are_refused(
 
     assert main(["launch", str(path), *words]) == 2
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_plugins_of_a_simulator_run_without_being_spawned(package: Path) -> None:
+    (package / "urdf" / "pendulum.urdf.xacro").write_text(cart(diff_drive()))
+    create = """publisher(), Node(package="ros_gz_sim", executable="create",
+      arguments=["-topic", "robot_description"]),"""
+
+    simulation = ad.Simulation(
+        ad.load_launch(describe(package, create)).build_diagram()
+    )
+
+    assert {each.name: each.state for each in simulation.list_controllers()} == {
+        "DiffDrive": "active"
+    }
+    simulation.topic("/model/cart/cmd_vel").publish(Twist(Vector3(x=0.5)))
+    simulation.run(2.0)
+    assert simulation.link_poses()["base_link"].translation()[0] > 0.5

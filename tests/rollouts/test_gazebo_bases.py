@@ -161,3 +161,20 @@ def test_the_wheels_of_classic_have_the_torque_of_the_tag(tmp_path: Path) -> Non
     assert np.abs(rollout.effort).max() == pytest.approx(0.4, abs=1e-9)
     # And not the speed of the joints, which is 0.05 m/s at the rim.
     assert rollout.velocity.max() * RADIUS == pytest.approx(SPEED, rel=0.02)
+
+
+@pytest.mark.parametrize("load", [0.0, 2000.0])
+def test_the_load_of_a_cart_does_not_press_its_wheels_into_the_ground(
+    tmp_path: Path, load: float
+) -> None:
+    ballast = f"""<link name="load"><inertial><origin xyz="0 0 0.1"/>
+        <mass value="{load}"/><inertia ixx="20" iyy="20" izz="20" ixy="0" ixz="0"
+          iyz="0"/></inertial></link>
+      <joint name="load" type="fixed"><parent link="base_link"/><child link="load"/>
+        <origin xyz="-0.02 0 0"/></joint>"""
+    base = Cart(tmp_path, (ballast if load else "") + diff_drive(), GZ_TOPICS)
+
+    # It has settled, and turning wheels would roll as if they were smaller.
+    base.sim.run(1.0)
+
+    assert float(base.pose().translation()[2]) == pytest.approx(0.0, abs=1e-3)
