@@ -155,6 +155,22 @@ def test_check_names_the_parameter_that_a_controller_lacks(run, tmp_path):
     assert f"controller {JTC} ({kind}): unconfigured: {problem}\n" in out
 
 
+@pytest.mark.slow
+def test_check_tells_why_a_controller_of_the_hardware_is_left_out(run, tmp_path):
+    kind = "picknik_reset_fault_controller/PicknikResetFaultController"
+    yaml = (configs_folder() / "doosan_a0912/controllers.yaml").read_text()
+    section = "  ros__parameters:\n"
+    more = tmp_path / "controllers.yaml"
+    added = f"{section}    fault_controller: {{type: {kind}}}\n"
+    more.write_text(yaml.replace(section, added, 1))
+
+    code, out, _ = run("check", "doosan_a0912", "--controllers", more)
+
+    assert code == 0
+    problem = f"controller type '{kind}' only clears the real robot's faults"
+    assert f"controller fault_controller ({kind}): unconfigured: {problem}\n" in out
+
+
 def test_check_tells_what_overlaps_where_the_robot_stands(run, tmp_path):
     box = '<collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision>'
     urdf = (

@@ -699,6 +699,20 @@ def test_files_of_the_same_maker_come_before_those_that_name_the_joints(package)
     assert f"candidates: {file}; no controller runs" in line
 
 
+def test_of_files_of_a_maker_those_that_name_joints_are_candidates(package):
+    hardware = '<ros2_control name="h" type="system"><joint name="j"/></ros2_control>'
+    arm_with(package, hardware)
+    for folder, joints in (("driver", "[k]"), ("bringup", "[j]")):
+        other = package.parent / folder
+        file = controllers_with(other, joints=joints)
+        manifest = f"<package><name>arm_{folder}</name></package>"
+        write(other / "package.xml", manifest)
+
+    (line,) = [line for line in lines(ad.load_robot(package)) if "candidates" in line]
+
+    assert f"candidates: {file}; no controller runs" in line
+
+
 def test_the_controller_manager_is_called_as_the_plugin_says(package):
     tag = "<controller_manager_name>my_manager</controller_manager_name>"
     text = plugin("../config/controllers.yaml").replace("</plugin>", f"{tag}</plugin>")

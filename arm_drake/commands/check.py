@@ -19,6 +19,10 @@ from arm_drake.simulation.simulation import Simulation
 _CLEAN, _BAD = 0, 1
 
 
+# What is done about a controller that doesn't start.
+_LEFT_OUT = ("the controller", "left out")
+
+
 def check(robot: Robot, *, strict: bool, as_json: bool) -> int:
     """Print a robot's summary and its load report; return the exit code.
 
@@ -81,7 +85,7 @@ def _problem(controller: str, report: LoadReport) -> str | None:
     for entry in report:
         where = entry.where.removeprefix(f"{MANAGER}.")
         is_meant = where == controller or where.startswith(f"{controller}.")
-        if is_meant and entry.done.startswith("the controller"):
+        if is_meant and entry.done.startswith(_LEFT_OUT):
             parameter = where.removeprefix(controller).removeprefix(".")
             return f"{parameter}: {entry.what}" if parameter else entry.what
     return None

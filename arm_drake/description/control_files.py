@@ -150,8 +150,8 @@ def _has_controllers(path: Path) -> bool:
 def _candidates(description: RobotDescription, packages: PackageFinder) -> list[Path]:
     """Return files around the description that control it: of its maker, else others.
 
-    A maker's packages begin with the same word; files of others count if they name
-    joints of the description, nearer ones first.
+    A maker's packages begin with the same word; of their files those count that name
+    joints of the description, if any do. Of others only such count, nearer ones first.
     """
     names = [re.escape(joint.name) for joint in description.movable_joints]
     mentions = re.compile(rf"\b({'|'.join(names)})\b" if names else r"(?!)")
@@ -168,7 +168,9 @@ def _candidates(description: RobotDescription, packages: PackageFinder) -> list[
 
     near = sorted(known, key=distance)
     of_maker = [folder for folder in near if known[folder].partition("_")[0] == maker]
-    found = sorted(_control_files_in(of_maker), key=names_joints, reverse=True)
+    found = _control_files_in(of_maker)
+    # Of packages called my_... each is another's.
+    found = list(filter(names_joints, found)) or found
     if not found:
         others = [folder for folder in near if folder not in of_maker]
         found = list(filter(names_joints, _control_files_in(others)))

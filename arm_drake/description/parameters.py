@@ -346,11 +346,7 @@ class _Loader:
             if value is not dc.MISSING:
                 values[field.name] = value
             elif field.default_factory is dc.MISSING:
-                raise ParameterError(
-                    "is required but missing",
-                    file=self._node.file,
-                    where=f"{self._node.name}.{prefix}{field.name}",
-                )
+                raise self._missing(prefix + field.name, schema, prefix)
         try:
             return schema(**values)
         except ValueError as error:  # from the schema's own __post_init__
@@ -365,6 +361,19 @@ class _Loader:
                 line=wrong.line if wrong else None,
                 where=f"{self._node.name}.{prefix}".rstrip("."),
             ) from None
+
+    def _missing(self, name: str, schema: type[T], prefix: str) -> ParameterError:
+        """Return what is wrong where nothing, or something like it, is given."""
+        names = {prefix + field.name for field in dc.fields(schema)}  # type: ignore[arg-type]
+        others = {key: p for key, p in self._node.by_name.items() if key not in names}
+        close = difflib.get_close_matches(name, others, n=1, cutoff=0.7)
+        instead = f", {close[0]!r} is given instead" if close else ""
+        return ParameterError(
+            f"is required but missing{instead}",
+            file=others[close[0]].file if close else self._node.file,
+            line=others[close[0]].line if close else None,
+            where=f"{self._node.name}.{name}",
+        )
 
     def _sort_out(self, rule: Rule, name: str, default: Any) -> None:
         """Report what the distro doesn't have, and drop it unless it is kept."""

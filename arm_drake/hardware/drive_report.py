@@ -52,12 +52,7 @@ def report_drive(
     """Report what the drives of a robot do that its files don't say."""
     _report_rotors(drive, report)
     _report_gains(drive, report)
-    active = [c for c in controllers if c.state == "active"]
-    claimed = {name.rpartition("/")[0] for name in claimed_interfaces(robot, active)}
-    left = [name for name in drive.names if name not in claimed]
-    if left:
-        done = "they hold their positions" if holds else "they swing freely"
-        _note(report, f"no active controller commands {quoted(left)}", done)
+    _report_idle(robot, drive, controllers, report, holds=holds)
     locked = [
         name
         for name, lower, upper in zip(
@@ -77,6 +72,34 @@ def report_drive(
         done = "it swings freely" if len(passive) == 1 else "they swing freely"
         _note(report, f"no command interface for {quoted(passive)}", done)
     _report_unlimited(drive, claimed_interfaces(robot, controllers), report)
+
+
+def _report_idle(
+    robot: Robot,
+    drive: RobotDrive,
+    controllers: Sequence[LoadedController],
+    report: LoadReport,
+    *,
+    holds: bool,
+) -> None:
+    """Report joints that no active controller moves."""
+    done = "they hold their positions" if holds else "they swing freely"
+    active = [c for c in controllers if c.state == "active"]
+    moved: set[str] = set()
+    others: dict[str, set[str]] = {}
+    for claim in claimed_interfaces(robot, active):
+        joint, _, name = claim.rpartition("/")
+        if name in interfaces.MOTIONS:
+            moved.add(joint)
+        else:
+            others.setdefault(joint, set()).add(name)
+    left = [name for name in drive.names if name not in moved]
+    if idle := [name for name in left if name not in others]:
+        _note(report, f"no active controller commands {quoted(idle)}", done)
+    if kept := [name for name in left if name in others]:
+        only = quoted(sorted(set().union(*(others[name] for name in kept))))
+        what = f"no position, velocity or effort of {quoted(kept)} is commanded"
+        _note(report, f"{what}, only {only}", done)
 
 
 def _note(report: LoadReport, what: str, done: str) -> None:

@@ -137,6 +137,10 @@ def test_an_unknown_parameter_is_no_misspelling_of_one_that_is_given():
     ("values", "message"),
     [
         ({"joints": ...}, "c.yaml: arm.joints: is required but missing"),
+        (
+            {"joints": ..., "jionts": ["a"]},
+            "c.yaml:2: arm.joints: is required but missing, 'jionts' is given instead",
+        ),
         ({"joints": "a"}, "c.yaml:1: arm.joints: expected a list of str, got 'a'"),
         ({"joints": ["a", 1]}, "c.yaml:1: arm.joints: expected str, got 1"),
         ({"joints": None}, "c.yaml:1: arm.joints: expected a list of str, got None"),

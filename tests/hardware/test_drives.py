@@ -147,6 +147,24 @@ def test_a_proportional_gain_that_is_given_makes_velocity_of_error(
     np.testing.assert_allclose(rollout.position[:, 0], expected, atol=1e-9)
 
 
+def test_a_joint_whose_commands_are_the_drivers_own_is_reported(
+    tmp_path: Path,
+) -> None:
+    # Drivers of motors take such commands, and close the loop by themselves.
+    urdf = models.pendulum(control=control("position_des"))
+    sim = simulate(tmp_path, urdf, forward("position_des", "swing"), start=1.0)
+
+    sim.controller("forward").command([0.2])
+    sim.advance_to(0.5)
+
+    (line,) = servo_lines(sim)
+    assert line == (
+        "no position, velocity or effort of 'swing' is commanded, only "
+        "'position_des'; they hold their positions"
+    )
+    np.testing.assert_allclose(sim.rollout().position, 1.0, atol=1e-9)
+
+
 @pytest.mark.parametrize("holds", [True, False])
 def test_joints_that_nobody_commands_hold_unless_the_plugin_says_no(
     tmp_path: Path, holds: bool
