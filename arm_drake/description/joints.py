@@ -477,7 +477,7 @@ def _limits(
         if 0.0 < abs(number) < math.inf:
             found[name] = abs(number)
         done = "taken without its sign" if name in found else "taken as unset"
-        if text is not None and found.get(name) != number:
+        if text is not None and found.get(name) != number and joint_type != "fixed":
             reader.note("info", "repair", f"{name} limit {text}", done)
     if joint_type == "continuous" and {"lower", "upper"} & element.attrib.keys():
         what = "limits of a continuous joint"

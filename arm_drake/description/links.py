@@ -284,6 +284,8 @@ def _read_colors(
                 color = color or mean
                 named.setdefault(name, mean)
             own[material] = color
+    defined = {each.get("name", "") for each in root.iterfind("material")}
+    defined |= {each.get("name", "") for each in own if each.find("color") is not None}
     colors: dict[ET.Element, Color] = {}
     for visual in root.iterfind("link/visual"):
         for material in visual.iterfind("material"):
@@ -292,7 +294,12 @@ def _read_colors(
             if color is not None:
                 colors.setdefault(visual, color)
             elif name not in named:
-                what = f"material {name!r} has no colour of 4 numbers from 0 to 1"
+                what = f"material {name!r} "
+                what += (
+                    "has no colour of 4 numbers from 0 to 1"
+                    if name in defined
+                    else "is defined nowhere"
+                )
                 done = "the default colour is used"
                 report.add("warning", "missing", what, done, file=file)
     return colors

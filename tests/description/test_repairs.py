@@ -89,6 +89,15 @@ def test_an_unset_effort_or_speed_limit_is_removed(repair, unset):
     assert limits(root) == {"lower": -1.0, "upper": 1.0}
 
 
+def test_limits_of_a_fixed_joint_are_no_news(repair):
+    limit = '<limit lower="0" upper="0" effort="0" velocity="0"/>'
+
+    root, lines = repair(f"{AB}{hinge(limit, type='fixed')}")
+
+    assert root.find("joint/limit") is None
+    assert lines == []
+
+
 def test_other_limits_stay(repair):
     limit = '<limit lower="-1" upper="1" effort="2" velocity="3"/>'
 
@@ -143,25 +152,28 @@ def test_two_colours_under_one_name_are_each_drawn_and_drake_takes_them(repair):
     Parser(plant).AddModelsFromString(ET.tostring(root, encoding="unicode"), "urdf")
 
 
+NO_COLOR = "has no colour of 4 numbers from 0 to 1"
+
+
 @pytest.mark.parametrize(
-    "definition",
+    ("definition", "problem"),
     [
-        "",
-        '<material name="m"><color rgba="1 0 0"/></material>',
-        '<material name="m"><color rgba="1 0 0 nan"/></material>',
-        '<material name="m"><color rgba="255 0 0 1"/></material>',
+        ("", "is defined nowhere"),
+        ('<material name="m"/>', NO_COLOR),
+        ('<material name="m"><color rgba="1 0 0"/></material>', NO_COLOR),
+        ('<material name="m"><color rgba="1 0 0 nan"/></material>', NO_COLOR),
+        ('<material name="m"><color rgba="255 0 0 1"/></material>', NO_COLOR),
     ],
 )
-def test_a_material_without_a_colour_is_removed_and_reported(repair, definition):
+def test_a_material_without_a_colour_is_removed_and_reported(
+    repair, definition, problem
+):
     root, lines = repair(
         definition + visual('<sphere radius="1"/>', '<material name="m"/>')
     )
 
     assert root.find(".//material") is None
-    assert lines == [
-        "warning: material 'm' has no colour of 4 numbers from 0 to 1; "
-        "the default colour is used"
-    ]
+    assert lines == [f"warning: material 'm' {problem}; the default colour is used"]
 
 
 def test_a_visuals_own_colour_that_is_none_is_removed(repair):
