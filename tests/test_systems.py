@@ -339,6 +339,14 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
     gazebo.find_system(tags.JointStatePublisher): lambda: gazebo.make_plugin(
         [tags.JointStatePublisher(topic="<topic>")], controller_params()
     ),
+    gazebo.find_system(tags.OdometryPublisher): lambda: gazebo.make_plugin(
+        [
+            tags.OdometryPublisher(
+                odom_topic="<odom_topic>", tf_topic="<tf_topic>", base_link="base"
+            )
+        ],
+        dc.replace(controller_params(), links=("base",)),
+    ),
     gazebo.find_system(ContactSensorTag): lambda: gazebo.make_plugin(
         [ContactSensorTag("s", "base", ("base::hull",), "<topic>", frame="base")],
         dc.replace(controller_params(), links=("base",)),

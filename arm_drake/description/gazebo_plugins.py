@@ -8,7 +8,8 @@ Sources of the fields and of their defaults:
 - gz-sim, src/systems: joint_position_controller/JointPositionController.{hh,cc},
   joint_controller/JointController.{hh,cc}, joint_trajectory_controller/
   JointTrajectoryController.{hh,cc}, joint_state_publisher/JointStatePublisher.{hh,cc},
-  diff_drive/DiffDrive.cc, contact/Contact.cc
+  diff_drive/DiffDrive.cc, odometry_publisher/OdometryPublisher.cc,
+  contact/Contact.cc
 - gazebo_ros_pkgs, branch ros2, gazebo_plugins/src:
   gazebo_ros_joint_state_publisher.cpp,
   gazebo_ros_joint_pose_trajectory.cpp, gazebo_ros_diff_drive.cpp, gazebo_ros_bumper.cpp
@@ -189,6 +190,38 @@ class JointStatePublisher(JointPlugin):
 
 
 @dc.dataclass(frozen=True)
+class OdometryPublisher(JointPlugin):
+    """Publishes where the robot really is."""
+
+    # Rate [Hz]; 0 is every tick.
+    odom_publish_frequency: float = 50.0
+
+    # Empty: "/model/<model>/odometry" and "/model/<model>/pose".
+    odom_topic: str = ""
+    tf_topic: str = ""
+
+    # Of a second message, with covariances, which isn't published here.
+    odom_covariance_topic: str = ""
+
+    # Empty: "<model>/odom" and "<model>/base_footprint".
+    odom_frame: str = ""
+    robot_base_frame: str = ""
+
+    # 2 or 3.
+    dimensions: int = 2
+
+    # Pose of the frame in the root link [m], [rad]; empty is none.
+    xyz_offset: tuple[float, ...] = ()
+    rpy_offset: tuple[float, ...] = ()
+
+    # Standard deviation of the velocities [m/s] and [rad/s].
+    gaussian_noise: float = 0.0
+
+    # The link that the robot hangs from.
+    base_link: str = tags(default="")
+
+
+@dc.dataclass(frozen=True)
 class GazeboRosJointStatePublisher(JointPlugin):
     """Publishes the states of joints on "joint_states", in Gazebo Classic."""
 
@@ -329,6 +362,7 @@ KINDS: Mapping[str, type[JointPlugin]] = {
     "joint_trajectory_controller": JointTrajectoryController,
     "joint_state_publisher": JointStatePublisher,
     "diff_drive": DiffDrive,
+    "odometry_publisher": OdometryPublisher,
     "gazebo_ros_joint_state_publisher": GazeboRosJointStatePublisher,
     "gazebo_ros_joint_pose_trajectory": GazeboRosJointPoseTrajectory,
     "gazebo_ros_diff_drive": GazeboRosDiffDrive,

@@ -28,6 +28,7 @@ from arm_drake.description.gazebo_plugins import (
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
+    OdometryPublisher,
 )
 from arm_drake.description.joints import WORLD, JointInfo, JointLimits
 from arm_drake.description.parameters import Parameter
@@ -42,7 +43,9 @@ Driving: TypeAlias = DiffDrive | GazeboRosDiffDrive
 Moving: TypeAlias = OneOfJoints | Driving | GazeboRosJointPoseTrajectory
 
 # Plugins that run as controllers.
-RunPlugin: TypeAlias = Moving | JointStatePublisher | GazeboRosJointStatePublisher
+RunPlugin: TypeAlias = (
+    Moving | JointStatePublisher | GazeboRosJointStatePublisher | OdometryPublisher
+)
 
 
 # Of these all tags make one system.
@@ -270,6 +273,7 @@ PLUGIN_TYPES: dict[type[RunPlugin], str] = {
     JointTrajectoryController: "gz::sim::systems::JointTrajectoryController",
     JointStatePublisher: "gz::sim::systems::JointStatePublisher",
     DiffDrive: "gz::sim::systems::DiffDrive",
+    OdometryPublisher: "gz::sim::systems::OdometryPublisher",
     GazeboRosJointPoseTrajectory: "gazebo_plugins/GazeboRosJointPoseTrajectory",
     GazeboRosJointStatePublisher: "gazebo_plugins/GazeboRosJointStatePublisher",
     GazeboRosDiffDrive: "gazebo_plugins/GazeboRosDiffDrive",
@@ -335,14 +339,14 @@ def _without_limits(
 def _with_links(tag: PluginTag, description: RobotDescription) -> PluginTag:
     """Return a tag that knows the links whose poses it publishes."""
     plugin = tag.plugin
-    if not isinstance(plugin, Driving):
+    if not isinstance(plugin, Driving | OdometryPublisher):
         return tag
     # One that hangs from the world has no root.
     base = next(link for link in description.links if link != WORLD)
     if description.roots:
         base = description.base
     plugin = dc.replace(plugin, base_link=base)
-    if isinstance(plugin, DiffDrive):
+    if not isinstance(plugin, GazeboRosDiffDrive):
         return tag._replace(plugin=plugin)
     ends = {joint.name: (joint.parent, joint.child) for joint in description.joints}
     pairs = zip(plugin.right_joints, plugin.left_joints, strict=True)

@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 import arm_drake as ad
 from arm_drake.messages import Odometry, Twist, Vector3
 from tests import models
-from tests.carts import RADIUS, cart, classic_drive, diff_drive, load
+from tests.carts import RADIUS, cart, classic_drive, diff_drive, load, plugin
 
 SPEED, TURN = 0.25, 0.8
 REST = Twist()
@@ -178,3 +178,60 @@ def test_the_load_of_a_cart_does_not_press_its_wheels_into_the_ground(
     base.sim.run(1.0)
 
     assert float(base.pose().translation()[2]) == pytest.approx(0.0, abs=1e-3)
+
+
+ODOMETRY = "gz-sim-odometry-publisher-system"
+
+
+@pytest.mark.parametrize("dimensions", [2, 3])
+def test_the_odometry_of_a_publisher_is_the_truth(
+    tmp_path: Path, dimensions: int
+) -> None:
+    truth = plugin(
+        ODOMETRY,
+        ("dimensions", dimensions),
+        ("odom_topic", "truth"),
+        ("robot_base_frame", "mast"),
+        ("xyz_offset", "0 0 0.5"),
+        ("rpy_offset", f"0 0 {np.pi / 2.0}"),
+    )
+    base = Cart(tmp_path, diff_drive() + truth, GZ_TOPICS)
+    base.command.publish(Twist(Vector3(x=SPEED), Vector3(z=TURN)))
+
+    # Between two ticks of the publisher, at the end of one.
+    base.sim.advance_to(2.0)
+    message = base.sim.topic("/truth").value()
+
+    assert isinstance(message, Odometry)
+    assert (message.header.frame_id, message.child_frame_id) == ("cart/odom", "mast")
+    shown = to_pose(message)
+    moved = base.pose()
+    x, y, _ = moved.translation()
+    # It is published each 20 ms, in which the cart goes 5 mm.
+    assert shown.translation()[:2] == pytest.approx([x, y], abs=6e-3)
+    assert shown.translation()[2] == pytest.approx((0.0, 0.5)[dimensions - 2], abs=1e-3)
+    assert yaw(shown) == pytest.approx(yaw(moved) + np.pi / 2.0, abs=0.02)
+    # The frame is turned by 90 degrees, so it goes to its right.
+    linear, angular = message.twist.twist.linear, message.twist.twist.angular
+    assert (linear.x, linear.y) == pytest.approx((0.0, -SPEED), abs=0.01)
+    assert angular.z == pytest.approx(TURN, abs=0.03)
+    (transform,) = base.sim.topic("/model/cart/pose").value().transforms
+    assert transform.transform.rotation == message.pose.pose.orientation
+
+
+def test_what_an_odometry_publisher_cannot_do_is_reported(tmp_path: Path) -> None:
+    noisy = plugin(ODOMETRY, ("gaussian_noise", 0.1), ("odom_topic", "a"))
+    odd = plugin(ODOMETRY, ("dimensions", 4))
+    short = plugin(ODOMETRY, ("xyz_offset", "1 2"))
+
+    robot = load(tmp_path, cart(diff_drive(), noisy, odd, short))
+
+    lines = [str(line) for line in robot.report if line.severity != "info"]
+    assert [line.partition(".urdf:")[2].lstrip("1: ") for line in lines] == [
+        "Gazebo plugin 'drive': dimensions: expected 2 or 3, got 4; "
+        "the plugin is left out",
+        "Gazebo plugin 'drive': xyz_offset: expected three numbers, got 2; "
+        "the plugin is left out",
+        "OdometryPublisher: gaussian_noise: velocities are told exactly; "
+        "it has no effect",
+    ]

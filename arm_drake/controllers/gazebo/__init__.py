@@ -19,6 +19,7 @@ _SYSTEMS: Mapping[type, str] = {
         "joint_trajectory:JointTrajectoryController"
     ),
     gazebo_plugins.JointStatePublisher: "joint_state_publisher:JointStatePublisher",
+    gazebo_plugins.OdometryPublisher: "odometry_publisher:OdometryPublisher",
     ContactSensorTag: "contact_sensor:ContactSensor",
     gazebo_plugins.DiffDrive: "diff_drive:DiffDrive",
     gazebo_plugins.GazeboRosDiffDrive: "diff_drive:GazeboRosDiffDrive",

@@ -36,6 +36,7 @@ from arm_drake.description.gazebo_plugins import (
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
+    OdometryPublisher,
 )
 from arm_drake.messages import Message, Twist
 
@@ -235,6 +236,7 @@ GazeboTag = (
     | JointTrajectoryController
     | JointStatePublisher
     | DiffDrive
+    | OdometryPublisher
     | GazeboRosJointPoseTrajectory
     | GazeboRosJointStatePublisher
     | GazeboRosDiffDrive
@@ -338,6 +340,13 @@ def find_unsupported(tag: GazeboTag) -> list[str]:
             "use_actuator_msg: no messages of actuators are taken; the joint's own "
             "topic takes numbers"
         )
+    if isinstance(tag, OdometryPublisher):
+        if tag.gaussian_noise:
+            problems.append("gaussian_noise: velocities are told exactly")
+        if tag.odom_covariance_topic:
+            problems.append(
+                "odom_covariance_topic: no odometry with covariances is published"
+            )
     if isinstance(tag, GazeboRosDiffDrive):
         pairs = max(1, tag.num_wheel_pairs)
         for name in ("wheel_separation", "wheel_diameter"):
