@@ -333,6 +333,10 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
     gazebo.find_system(tags.JointController): lambda: gazebo.make_plugin(
         [tags.JointController(("joint",), topic="<topic>")], controller_params()
     ),
+    gazebo.find_system(tags.ApplyJointForce): lambda: gazebo.make_plugin(
+        [tags.ApplyJointForce(("<joint>",))],
+        dc.replace(controller_params(), robot_name="<model>"),
+    ),
     gazebo.find_system(tags.JointTrajectoryController): lambda: gazebo.make_plugin(
         [tags.JointTrajectoryController(topic="<topic>")], controller_params()
     ),

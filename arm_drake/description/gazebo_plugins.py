@@ -6,10 +6,10 @@ which tags they are read.
 Sources of the fields and of their defaults:
 
 - gz-sim, src/systems: joint_position_controller/JointPositionController.{hh,cc},
-  joint_controller/JointController.{hh,cc}, joint_trajectory_controller/
-  JointTrajectoryController.{hh,cc}, joint_state_publisher/JointStatePublisher.{hh,cc},
-  diff_drive/DiffDrive.cc, odometry_publisher/OdometryPublisher.cc,
-  contact/Contact.cc
+  joint_controller/JointController.{hh,cc}, apply_joint_force/ApplyJointForce.cc,
+  joint_trajectory_controller/JointTrajectoryController.{hh,cc}, joint_state_publisher/
+  JointStatePublisher.{hh,cc}, diff_drive/DiffDrive.cc, odometry_publisher/
+  OdometryPublisher.cc, contact/Contact.cc
 - gazebo_ros_pkgs, branch ros2, gazebo_plugins/src:
   gazebo_ros_joint_state_publisher.cpp,
   gazebo_ros_joint_pose_trajectory.cpp, gazebo_ros_diff_drive.cpp, gazebo_ros_bumper.cpp
@@ -138,6 +138,14 @@ class JointController(JointPlugin):
 
     use_actuator_msg: bool = False
     actuator_number: int = tags("actuator_number", "actuatorNumber", default=0)
+
+
+@dc.dataclass(frozen=True)
+class ApplyJointForce(JointPlugin):
+    """Pushes a joint by the force of "/model/<model>/joint/<joint>/cmd_force"."""
+
+    # The first one is pushed.
+    joint_names: tuple[str, ...] = joint_tags("joint_name")
 
 
 @dc.dataclass(frozen=True)
@@ -359,6 +367,7 @@ KINDS: Mapping[str, type[JointPlugin]] = {
     "ros2_control": Ros2ControlPlugin,
     "joint_position_controller": JointPositionController,
     "joint_controller": JointController,
+    "apply_joint_force": ApplyJointForce,
     "joint_trajectory_controller": JointTrajectoryController,
     "joint_state_publisher": JointStatePublisher,
     "diff_drive": DiffDrive,

@@ -19,6 +19,7 @@ from arm_drake.description.controllers import (
 )
 from arm_drake.description.elements import free_name
 from arm_drake.description.gazebo_plugins import (
+    ApplyJointForce,
     DiffDrive,
     GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
@@ -37,7 +38,10 @@ from arm_drake.description.ros2_control import HardwareInfo
 from arm_drake.description.urdf import RobotDescription, total_mass
 
 OneOfJoints: TypeAlias = (
-    JointPositionController | JointController | JointTrajectoryController
+    JointPositionController
+    | JointController
+    | ApplyJointForce
+    | JointTrajectoryController
 )
 Driving: TypeAlias = DiffDrive | GazeboRosDiffDrive
 Moving: TypeAlias = OneOfJoints | Driving | GazeboRosJointPoseTrajectory
@@ -49,7 +53,7 @@ RunPlugin: TypeAlias = (
 
 
 # Of these all tags make one system.
-GROUPED = (JointPositionController, JointController)
+GROUPED = (JointPositionController, JointController, ApplyJointForce)
 
 
 class PluginTag(NamedTuple):
@@ -208,7 +212,9 @@ def _with_joints(
     """Return a plugin of fewer joints; topic and n-th values stay those of theirs."""
     changes: dict[str, Any] = {"joint_names": tuple(own_joints)}
     is_first_left_out = own_joints[0] != names[0]
-    if is_first_left_out and not isinstance(plugin, JointTrajectoryController):
+    if is_first_left_out and isinstance(
+        plugin, JointPositionController | JointController
+    ):
         end = "pos" if isinstance(plugin, JointPositionController) else "vel"
         default = f"joint/{names[0]}/cmd_{end}"
         changes["sub_topic"] = plugin.sub_topic or default
@@ -256,7 +262,7 @@ def _joints_of(plugin: JointPlugin, movable: Collection[str]) -> list[str]:
     names = [name for name in dict.fromkeys(plugin.joint_names) if name in movable]
     if isinstance(plugin, JointTrajectoryController):
         return names or list(movable)
-    return names
+    return names[:1] if isinstance(plugin, ApplyJointForce) else names
 
 
 # Steps of Gazebo's physics per second, where a world doesn't say otherwise.
@@ -270,6 +276,7 @@ _GRIP = 2.0
 PLUGIN_TYPES: dict[type[RunPlugin], str] = {
     JointPositionController: "gz::sim::systems::JointPositionController",
     JointController: "gz::sim::systems::JointController",
+    ApplyJointForce: "gz::sim::systems::ApplyJointForce",
     JointTrajectoryController: "gz::sim::systems::JointTrajectoryController",
     JointStatePublisher: "gz::sim::systems::JointStatePublisher",
     DiffDrive: "gz::sim::systems::DiffDrive",

@@ -7,7 +7,7 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
 import arm_drake as ad
-from arm_drake.messages import Odometry, Twist, Vector3
+from arm_drake.messages import Float64, Odometry, Twist, Vector3
 from tests import models
 from tests.carts import RADIUS, cart, classic_drive, diff_drive, load, plugin
 
@@ -235,3 +235,62 @@ def test_what_an_odometry_publisher_cannot_do_is_reported(tmp_path: Path) -> Non
         "OdometryPublisher: gaussian_noise: velocities are told exactly; "
         "it has no effect",
     ]
+
+
+FORCE = "gz-sim-apply-joint-force-system"
+PUSHED = "".join(plugin(FORCE, ("joint_name", side)) for side in ("left", "right"))
+
+
+def push(sim: ad.Simulation, torque: float) -> None:
+    for side in ("left", "right"):
+        sim.topic(f"/model/cart/joint/{side}/cmd_force").publish(Float64(torque))
+
+
+def test_torques_on_wheels_roll_a_base(tmp_path: Path) -> None:
+    slides = '<gazebo reference="caster"><mu1>0</mu1></gazebo>'
+    robot = load(tmp_path, cart(PUSHED, slides))
+    sim = ad.Simulation(ad.build_diagram(robot))
+    sim.run(0.2)
+    x = sim.link_poses()["base_link"].translation()[0]
+
+    push(sim, 0.1)
+    sim.run(1.0)
+
+    assert robot.has_free_base
+    # Of 6.2 kg and two wheels of 0.0025 kg·m^2; nothing else holds it.
+    a = 2.0 * 0.1 / RADIUS / (6.2 + 2.0 * 0.0025 / RADIUS**2)
+    moved = sim.link_poses()["base_link"].translation()[0] - x
+    assert moved == pytest.approx(a / 2.0, rel=0.02)
+
+
+def test_a_torque_stays_until_it_is_switched_off_and_within_the_limit(
+    tmp_path: Path,
+) -> None:
+    fixed = '<link name="world"/><joint name="stand" type="fixed">'
+    fixed += '<parent link="world"/><child link="base_link"/>'
+    fixed += '<origin xyz="0 0 1"/></joint>'
+    limit = '<limit effort="0.01" velocity="100"/>'
+    robot = load(tmp_path, cart(PUSHED, fixed, limit=limit))
+    sim = ad.Simulation(ad.build_diagram(robot))
+
+    push(sim, 5.0)
+    sim.run(0.5)
+    fast = sim.rollout().velocity[-1]
+    push(sim, float("nan"))
+    sim.switch_controllers(deactivate=["ApplyJointForce"])
+    sim.run(0.5)
+
+    assert not robot.has_free_base
+    # 0.01 N·m turns a wheel of 0.0025 kg·m^2 for half a second.
+    assert fast == pytest.approx([2.0, 2.0], rel=0.01)
+    assert sim.rollout().velocity[-1] == pytest.approx(fast, rel=0.01)
+
+
+@pytest.mark.parametrize("kind", ["continuous", "revolute"])
+def test_torques_on_what_is_no_wheel_leave_the_base_fixed(
+    tmp_path: Path, kind: str
+) -> None:
+    limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+    text = cart(PUSHED, limit=limit).replace('"continuous"', f'"{kind}"')
+
+    assert load(tmp_path, text).has_free_base == (kind == "continuous")

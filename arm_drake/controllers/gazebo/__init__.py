@@ -15,6 +15,7 @@ from arm_drake.description.gazebo_plugins import ContactSensorTag
 _SYSTEMS: Mapping[type, str] = {
     gazebo_plugins.JointPositionController: "joint_controllers:JointPositionController",
     gazebo_plugins.JointController: "joint_controllers:JointController",
+    gazebo_plugins.ApplyJointForce: "apply_joint_force:ApplyJointForce",
     gazebo_plugins.JointTrajectoryController: (
         "joint_trajectory:JointTrajectoryController"
     ),
@@ -32,7 +33,11 @@ _SYSTEMS: Mapping[type, str] = {
 }
 
 # Those whose system stands for all tags of the kind.
-_OF_ALL = (gazebo_plugins.JointPositionController, gazebo_plugins.JointController)
+_OF_ALL = (
+    gazebo_plugins.JointPositionController,
+    gazebo_plugins.JointController,
+    gazebo_plugins.ApplyJointForce,
+)
 
 
 def find_system(kind: type) -> Callable[..., ControllerInterface]:

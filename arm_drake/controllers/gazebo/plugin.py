@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from arm_drake.arrays import Array
 from arm_drake.description.gazebo_plugins import (
+    ApplyJointForce,
     ContactSensorTag,
     DiffDrive,
     GazeboRosDiffDrive,
@@ -233,6 +234,7 @@ class JointForces(Message):
 GazeboTag = (
     JointPositionController
     | JointController
+    | ApplyJointForce
     | JointTrajectoryController
     | JointStatePublisher
     | DiffDrive
@@ -270,6 +272,11 @@ def position_topic(tag: JointPositionController, model: str) -> str:
 def velocity_topic(tag: JointController, model: str) -> str:
     """Return the topic of a JointController."""
     return _command_topic(tag, model, "/cmd_vel")
+
+
+def force_topic(tag: ApplyJointForce, model: str) -> str:
+    """Return the topic of an ApplyJointForce."""
+    return as_topic(f"model/{model}/joint/{tag.joint_names[0]}/cmd_force")
 
 
 def trajectory_topic(tag: JointTrajectoryController, model: str) -> str:
