@@ -19,7 +19,7 @@ from arm_drake.description.controllers import (
 )
 from arm_drake.description.drive_gains import gazebo_nodes
 from arm_drake.description.entry import TEXT, Source, check_text, find_entry, is_xml
-from arm_drake.description.gazebo_plugins import Ros2ControlPlugin
+from arm_drake.description.gazebo_plugins import ApplyJointForce, Ros2ControlPlugin
 from arm_drake.description.inertia import repair_free_base
 from arm_drake.description.initial_positions import find_initial_positions
 from arm_drake.description.joints import WORLD
@@ -393,6 +393,16 @@ def _has_free_base(
     if any(joint.parent == WORLD for joint in description.joints):
         return False
     is_driven = any(c.type in BASE_CONTROLLERS for c in config.controllers)
+    pushed = {
+        name
+        for plugin in description.joint_plugins
+        if isinstance(plugin, ApplyJointForce)
+        for name in plugin.joint_names
+    }
+    is_driven |= any(
+        joint.type == "continuous" and joint.name in pushed
+        for joint in description.joints
+    )
     return is_driven or any(
         BASE_PLUGINS.search(f"{plugin.filename} {plugin.name}")
         for plugin in description.gazebo_plugins

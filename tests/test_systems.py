@@ -333,11 +333,23 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
     gazebo.find_system(tags.JointController): lambda: gazebo.make_plugin(
         [tags.JointController(("joint",), topic="<topic>")], controller_params()
     ),
+    gazebo.find_system(tags.ApplyJointForce): lambda: gazebo.make_plugin(
+        [tags.ApplyJointForce(("<joint>",))],
+        dc.replace(controller_params(), robot_name="<model>"),
+    ),
     gazebo.find_system(tags.JointTrajectoryController): lambda: gazebo.make_plugin(
         [tags.JointTrajectoryController(topic="<topic>")], controller_params()
     ),
     gazebo.find_system(tags.JointStatePublisher): lambda: gazebo.make_plugin(
         [tags.JointStatePublisher(topic="<topic>")], controller_params()
+    ),
+    gazebo.find_system(tags.OdometryPublisher): lambda: gazebo.make_plugin(
+        [
+            tags.OdometryPublisher(
+                odom_topic="<odom_topic>", tf_topic="<tf_topic>", base_link="base"
+            )
+        ],
+        dc.replace(controller_params(), links=("base",)),
     ),
     gazebo.find_system(ContactSensorTag): lambda: gazebo.make_plugin(
         [ContactSensorTag("s", "base", ("base::hull",), "<topic>", frame="base")],

@@ -33,6 +33,7 @@ from arm_drake.description.gazebo_plugins import (
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
+    OdometryPublisher,
 )
 from arm_drake.description.joints import JointInfo
 from arm_drake.description.report import LoadReport
@@ -323,11 +324,22 @@ class _FieldReader(ElementReader):
                 return f"no joint; expected <{tags[0]}>"
         if isinstance(typed, JointPositionController) and typed.joint_index:
             return f"joint_index {typed.joint_index}: a joint has one axis, of index 0"
+        if isinstance(typed, OdometryPublisher):
+            return _odometry_problem(typed)
         if isinstance(typed, DiffDrive):
             return _measure_problem((typed.wheel_separation,), (typed.wheel_radius,))
         if isinstance(typed, GazeboRosDiffDrive):
             return _classic_problem(plugin, typed)
         return None
+
+
+def _odometry_problem(typed: OdometryPublisher) -> str | None:
+    if typed.dimensions not in (2, 3):
+        return f"dimensions: expected 2 or 3, got {typed.dimensions}"
+    for name in ("xyz_offset", "rpy_offset"):
+        if len(numbers := getattr(typed, name)) not in (0, 3):
+            return f"{name}: expected three numbers, got {len(numbers)}"
+    return None
 
 
 def _classic_problem(plugin: GazeboPlugin, typed: GazeboRosDiffDrive) -> str | None:

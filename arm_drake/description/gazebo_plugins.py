@@ -6,9 +6,10 @@ which tags they are read.
 Sources of the fields and of their defaults:
 
 - gz-sim, src/systems: joint_position_controller/JointPositionController.{hh,cc},
-  joint_controller/JointController.{hh,cc}, joint_trajectory_controller/
-  JointTrajectoryController.{hh,cc}, joint_state_publisher/JointStatePublisher.{hh,cc},
-  diff_drive/DiffDrive.cc, contact/Contact.cc
+  joint_controller/JointController.{hh,cc}, apply_joint_force/ApplyJointForce.cc,
+  joint_trajectory_controller/JointTrajectoryController.{hh,cc}, joint_state_publisher/
+  JointStatePublisher.{hh,cc}, diff_drive/DiffDrive.cc, odometry_publisher/
+  OdometryPublisher.cc, contact/Contact.cc
 - gazebo_ros_pkgs, branch ros2, gazebo_plugins/src:
   gazebo_ros_joint_state_publisher.cpp,
   gazebo_ros_joint_pose_trajectory.cpp, gazebo_ros_diff_drive.cpp, gazebo_ros_bumper.cpp
@@ -140,6 +141,14 @@ class JointController(JointPlugin):
 
 
 @dc.dataclass(frozen=True)
+class ApplyJointForce(JointPlugin):
+    """Pushes a joint by the force of "/model/<model>/joint/<joint>/cmd_force"."""
+
+    # The first one is pushed.
+    joint_names: tuple[str, ...] = joint_tags("joint_name")
+
+
+@dc.dataclass(frozen=True)
 class JointTrajectoryController(JointPlugin):
     """Moves joints along trajectories, by the forces of PID controllers.
 
@@ -186,6 +195,38 @@ class JointStatePublisher(JointPlugin):
 
     # Empty: "/world/<world>/model/<model>/joint_state".
     topic: str = ""
+
+
+@dc.dataclass(frozen=True)
+class OdometryPublisher(JointPlugin):
+    """Publishes where the robot really is."""
+
+    # Rate [Hz]; 0 is every tick.
+    odom_publish_frequency: float = 50.0
+
+    # Empty: "/model/<model>/odometry" and "/model/<model>/pose".
+    odom_topic: str = ""
+    tf_topic: str = ""
+
+    # Of a second message, with covariances, which isn't published here.
+    odom_covariance_topic: str = ""
+
+    # Empty: "<model>/odom" and "<model>/base_footprint".
+    odom_frame: str = ""
+    robot_base_frame: str = ""
+
+    # 2 or 3.
+    dimensions: int = 2
+
+    # Pose of the frame in the root link [m], [rad]; empty is none.
+    xyz_offset: tuple[float, ...] = ()
+    rpy_offset: tuple[float, ...] = ()
+
+    # Standard deviation of the velocities [m/s] and [rad/s].
+    gaussian_noise: float = 0.0
+
+    # The link that the robot hangs from.
+    base_link: str = tags(default="")
 
 
 @dc.dataclass(frozen=True)
@@ -326,9 +367,11 @@ KINDS: Mapping[str, type[JointPlugin]] = {
     "ros2_control": Ros2ControlPlugin,
     "joint_position_controller": JointPositionController,
     "joint_controller": JointController,
+    "apply_joint_force": ApplyJointForce,
     "joint_trajectory_controller": JointTrajectoryController,
     "joint_state_publisher": JointStatePublisher,
     "diff_drive": DiffDrive,
+    "odometry_publisher": OdometryPublisher,
     "gazebo_ros_joint_state_publisher": GazeboRosJointStatePublisher,
     "gazebo_ros_joint_pose_trajectory": GazeboRosJointPoseTrajectory,
     "gazebo_ros_diff_drive": GazeboRosDiffDrive,

@@ -19,6 +19,7 @@ from arm_drake.description.controllers import (
 )
 from arm_drake.description.elements import free_name
 from arm_drake.description.gazebo_plugins import (
+    ApplyJointForce,
     DiffDrive,
     GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
@@ -28,6 +29,7 @@ from arm_drake.description.gazebo_plugins import (
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
+    OdometryPublisher,
 )
 from arm_drake.description.joints import WORLD, JointInfo, JointLimits
 from arm_drake.description.parameters import Parameter
@@ -36,17 +38,22 @@ from arm_drake.description.ros2_control import HardwareInfo
 from arm_drake.description.urdf import RobotDescription, total_mass
 
 OneOfJoints: TypeAlias = (
-    JointPositionController | JointController | JointTrajectoryController
+    JointPositionController
+    | JointController
+    | ApplyJointForce
+    | JointTrajectoryController
 )
 Driving: TypeAlias = DiffDrive | GazeboRosDiffDrive
 Moving: TypeAlias = OneOfJoints | Driving | GazeboRosJointPoseTrajectory
 
 # Plugins that run as controllers.
-RunPlugin: TypeAlias = Moving | JointStatePublisher | GazeboRosJointStatePublisher
+RunPlugin: TypeAlias = (
+    Moving | JointStatePublisher | GazeboRosJointStatePublisher | OdometryPublisher
+)
 
 
 # Of these all tags make one system.
-GROUPED = (JointPositionController, JointController)
+GROUPED = (JointPositionController, JointController, ApplyJointForce)
 
 
 class PluginTag(NamedTuple):
@@ -205,7 +212,9 @@ def _with_joints(
     """Return a plugin of fewer joints; topic and n-th values stay those of theirs."""
     changes: dict[str, Any] = {"joint_names": tuple(own_joints)}
     is_first_left_out = own_joints[0] != names[0]
-    if is_first_left_out and not isinstance(plugin, JointTrajectoryController):
+    if is_first_left_out and isinstance(
+        plugin, JointPositionController | JointController
+    ):
         end = "pos" if isinstance(plugin, JointPositionController) else "vel"
         default = f"joint/{names[0]}/cmd_{end}"
         changes["sub_topic"] = plugin.sub_topic or default
@@ -253,7 +262,7 @@ def _joints_of(plugin: JointPlugin, movable: Collection[str]) -> list[str]:
     names = [name for name in dict.fromkeys(plugin.joint_names) if name in movable]
     if isinstance(plugin, JointTrajectoryController):
         return names or list(movable)
-    return names
+    return names[:1] if isinstance(plugin, ApplyJointForce) else names
 
 
 # Steps of Gazebo's physics per second, where a world doesn't say otherwise.
@@ -267,9 +276,11 @@ _GRIP = 2.0
 PLUGIN_TYPES: dict[type[RunPlugin], str] = {
     JointPositionController: "gz::sim::systems::JointPositionController",
     JointController: "gz::sim::systems::JointController",
+    ApplyJointForce: "gz::sim::systems::ApplyJointForce",
     JointTrajectoryController: "gz::sim::systems::JointTrajectoryController",
     JointStatePublisher: "gz::sim::systems::JointStatePublisher",
     DiffDrive: "gz::sim::systems::DiffDrive",
+    OdometryPublisher: "gz::sim::systems::OdometryPublisher",
     GazeboRosJointPoseTrajectory: "gazebo_plugins/GazeboRosJointPoseTrajectory",
     GazeboRosJointStatePublisher: "gazebo_plugins/GazeboRosJointStatePublisher",
     GazeboRosDiffDrive: "gazebo_plugins/GazeboRosDiffDrive",
@@ -335,14 +346,14 @@ def _without_limits(
 def _with_links(tag: PluginTag, description: RobotDescription) -> PluginTag:
     """Return a tag that knows the links whose poses it publishes."""
     plugin = tag.plugin
-    if not isinstance(plugin, Driving):
+    if not isinstance(plugin, Driving | OdometryPublisher):
         return tag
     # One that hangs from the world has no root.
     base = next(link for link in description.links if link != WORLD)
     if description.roots:
         base = description.base
     plugin = dc.replace(plugin, base_link=base)
-    if isinstance(plugin, DiffDrive):
+    if not isinstance(plugin, GazeboRosDiffDrive):
         return tag._replace(plugin=plugin)
     ends = {joint.name: (joint.parent, joint.child) for joint in description.joints}
     pairs = zip(plugin.right_joints, plugin.left_joints, strict=True)

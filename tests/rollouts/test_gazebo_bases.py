@@ -7,9 +7,9 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
 import arm_drake as ad
-from arm_drake.messages import Odometry, Twist, Vector3
+from arm_drake.messages import Float64, Odometry, Twist, Vector3
 from tests import models
-from tests.carts import RADIUS, cart, classic_drive, diff_drive, load
+from tests.carts import RADIUS, cart, classic_drive, diff_drive, load, plugin
 
 SPEED, TURN = 0.25, 0.8
 REST = Twist()
@@ -178,3 +178,119 @@ def test_the_load_of_a_cart_does_not_press_its_wheels_into_the_ground(
     base.sim.run(1.0)
 
     assert float(base.pose().translation()[2]) == pytest.approx(0.0, abs=1e-3)
+
+
+ODOMETRY = "gz-sim-odometry-publisher-system"
+
+
+@pytest.mark.parametrize("dimensions", [2, 3])
+def test_the_odometry_of_a_publisher_is_the_truth(
+    tmp_path: Path, dimensions: int
+) -> None:
+    truth = plugin(
+        ODOMETRY,
+        ("dimensions", dimensions),
+        ("odom_topic", "truth"),
+        ("robot_base_frame", "mast"),
+        ("xyz_offset", "0 0 0.5"),
+        ("rpy_offset", f"0 0 {np.pi / 2.0}"),
+    )
+    base = Cart(tmp_path, diff_drive() + truth, GZ_TOPICS)
+    base.command.publish(Twist(Vector3(x=SPEED), Vector3(z=TURN)))
+
+    # Between two ticks of the publisher, at the end of one.
+    base.sim.advance_to(2.0)
+    message = base.sim.topic("/truth").value()
+
+    assert isinstance(message, Odometry)
+    assert (message.header.frame_id, message.child_frame_id) == ("cart/odom", "mast")
+    shown = to_pose(message)
+    moved = base.pose()
+    x, y, _ = moved.translation()
+    # It is published each 20 ms, in which the cart goes 5 mm.
+    assert shown.translation()[:2] == pytest.approx([x, y], abs=6e-3)
+    assert shown.translation()[2] == pytest.approx((0.0, 0.5)[dimensions - 2], abs=1e-3)
+    assert yaw(shown) == pytest.approx(yaw(moved) + np.pi / 2.0, abs=0.02)
+    # The frame is turned by 90 degrees, so it goes to its right.
+    linear, angular = message.twist.twist.linear, message.twist.twist.angular
+    assert (linear.x, linear.y) == pytest.approx((0.0, -SPEED), abs=0.01)
+    assert angular.z == pytest.approx(TURN, abs=0.03)
+    (transform,) = base.sim.topic("/model/cart/pose").value().transforms
+    assert transform.transform.rotation == message.pose.pose.orientation
+
+
+def test_what_an_odometry_publisher_cannot_do_is_reported(tmp_path: Path) -> None:
+    noisy = plugin(ODOMETRY, ("gaussian_noise", 0.1), ("odom_topic", "a"))
+    odd = plugin(ODOMETRY, ("dimensions", 4))
+    short = plugin(ODOMETRY, ("xyz_offset", "1 2"))
+
+    robot = load(tmp_path, cart(diff_drive(), noisy, odd, short))
+
+    lines = [str(line) for line in robot.report if line.severity != "info"]
+    assert [line.partition(".urdf:")[2].lstrip("1: ") for line in lines] == [
+        "Gazebo plugin 'drive': dimensions: expected 2 or 3, got 4; "
+        "the plugin is left out",
+        "Gazebo plugin 'drive': xyz_offset: expected three numbers, got 2; "
+        "the plugin is left out",
+        "OdometryPublisher: gaussian_noise: velocities are told exactly; "
+        "it has no effect",
+    ]
+
+
+FORCE = "gz-sim-apply-joint-force-system"
+PUSHED = "".join(plugin(FORCE, ("joint_name", side)) for side in ("left", "right"))
+
+
+def push(sim: ad.Simulation, torque: float) -> None:
+    for side in ("left", "right"):
+        sim.topic(f"/model/cart/joint/{side}/cmd_force").publish(Float64(torque))
+
+
+def test_torques_on_wheels_roll_a_base(tmp_path: Path) -> None:
+    slides = '<gazebo reference="caster"><mu1>0</mu1></gazebo>'
+    robot = load(tmp_path, cart(PUSHED, slides))
+    sim = ad.Simulation(ad.build_diagram(robot))
+    sim.run(0.2)
+    x = sim.link_poses()["base_link"].translation()[0]
+
+    push(sim, 0.1)
+    sim.run(1.0)
+
+    assert robot.has_free_base
+    # Of 6.2 kg and two wheels of 0.0025 kg·m^2; nothing else holds it.
+    a = 2.0 * 0.1 / RADIUS / (6.2 + 2.0 * 0.0025 / RADIUS**2)
+    moved = sim.link_poses()["base_link"].translation()[0] - x
+    assert moved == pytest.approx(a / 2.0, rel=0.02)
+
+
+def test_a_torque_stays_until_it_is_switched_off_and_within_the_limit(
+    tmp_path: Path,
+) -> None:
+    fixed = '<link name="world"/><joint name="stand" type="fixed">'
+    fixed += '<parent link="world"/><child link="base_link"/>'
+    fixed += '<origin xyz="0 0 1"/></joint>'
+    limit = '<limit effort="0.01" velocity="100"/>'
+    robot = load(tmp_path, cart(PUSHED, fixed, limit=limit))
+    sim = ad.Simulation(ad.build_diagram(robot))
+
+    push(sim, 5.0)
+    sim.run(0.5)
+    fast = sim.rollout().velocity[-1]
+    push(sim, float("nan"))
+    sim.switch_controllers(deactivate=["ApplyJointForce"])
+    sim.run(0.5)
+
+    assert not robot.has_free_base
+    # 0.01 N·m turns a wheel of 0.0025 kg·m^2 for half a second.
+    assert fast == pytest.approx([2.0, 2.0], rel=0.01)
+    assert sim.rollout().velocity[-1] == pytest.approx(fast, rel=0.01)
+
+
+@pytest.mark.parametrize("kind", ["continuous", "revolute"])
+def test_torques_on_what_is_no_wheel_leave_the_base_fixed(
+    tmp_path: Path, kind: str
+) -> None:
+    limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+    text = cart(PUSHED, limit=limit).replace('"continuous"', f'"{kind}"')
+
+    assert load(tmp_path, text).has_free_base == (kind == "continuous")

@@ -15,10 +15,12 @@ from arm_drake.description.gazebo_plugins import ContactSensorTag
 _SYSTEMS: Mapping[type, str] = {
     gazebo_plugins.JointPositionController: "joint_controllers:JointPositionController",
     gazebo_plugins.JointController: "joint_controllers:JointController",
+    gazebo_plugins.ApplyJointForce: "apply_joint_force:ApplyJointForce",
     gazebo_plugins.JointTrajectoryController: (
         "joint_trajectory:JointTrajectoryController"
     ),
     gazebo_plugins.JointStatePublisher: "joint_state_publisher:JointStatePublisher",
+    gazebo_plugins.OdometryPublisher: "odometry_publisher:OdometryPublisher",
     ContactSensorTag: "contact_sensor:ContactSensor",
     gazebo_plugins.DiffDrive: "diff_drive:DiffDrive",
     gazebo_plugins.GazeboRosDiffDrive: "diff_drive:GazeboRosDiffDrive",
@@ -31,7 +33,11 @@ _SYSTEMS: Mapping[type, str] = {
 }
 
 # Those whose system stands for all tags of the kind.
-_OF_ALL = (gazebo_plugins.JointPositionController, gazebo_plugins.JointController)
+_OF_ALL = (
+    gazebo_plugins.JointPositionController,
+    gazebo_plugins.JointController,
+    gazebo_plugins.ApplyJointForce,
+)
 
 
 def find_system(kind: type) -> Callable[..., ControllerInterface]:

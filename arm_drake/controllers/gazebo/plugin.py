@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from arm_drake.arrays import Array
 from arm_drake.description.gazebo_plugins import (
+    ApplyJointForce,
     ContactSensorTag,
     DiffDrive,
     GazeboRosDiffDrive,
@@ -36,6 +37,7 @@ from arm_drake.description.gazebo_plugins import (
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
+    OdometryPublisher,
 )
 from arm_drake.messages import Message, Twist
 
@@ -232,9 +234,11 @@ class JointForces(Message):
 GazeboTag = (
     JointPositionController
     | JointController
+    | ApplyJointForce
     | JointTrajectoryController
     | JointStatePublisher
     | DiffDrive
+    | OdometryPublisher
     | GazeboRosJointPoseTrajectory
     | GazeboRosJointStatePublisher
     | GazeboRosDiffDrive
@@ -268,6 +272,11 @@ def position_topic(tag: JointPositionController, model: str) -> str:
 def velocity_topic(tag: JointController, model: str) -> str:
     """Return the topic of a JointController."""
     return _command_topic(tag, model, "/cmd_vel")
+
+
+def force_topic(tag: ApplyJointForce, model: str) -> str:
+    """Return the topic of an ApplyJointForce."""
+    return as_topic(f"model/{model}/joint/{tag.joint_names[0]}/cmd_force")
 
 
 def trajectory_topic(tag: JointTrajectoryController, model: str) -> str:
@@ -338,6 +347,13 @@ def find_unsupported(tag: GazeboTag) -> list[str]:
             "use_actuator_msg: no messages of actuators are taken; the joint's own "
             "topic takes numbers"
         )
+    if isinstance(tag, OdometryPublisher):
+        if tag.gaussian_noise:
+            problems.append("gaussian_noise: velocities are told exactly")
+        if tag.odom_covariance_topic:
+            problems.append(
+                "odom_covariance_topic: no odometry with covariances is published"
+            )
     if isinstance(tag, GazeboRosDiffDrive):
         pairs = max(1, tag.num_wheel_pairs)
         for name in ("wheel_separation", "wheel_diameter"):

@@ -1,0 +1,153 @@
+"""Gazebo's plugin that publishes where a model really is.
+
+Source: gz-sim, src/systems/odometry_publisher/OdometryPublisher.cc.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform, RollPitchYaw
+
+from arm_drake import interfaces
+from arm_drake.arrays import Array
+from arm_drake.controllers.bases.base import make_transform
+from arm_drake.controllers.controller_interface import ControllerInterfaceParams
+from arm_drake.controllers.cycles import UpdateContext
+from arm_drake.controllers.gazebo.plugin import as_topic
+from arm_drake.controllers.topics import Inbox, TopicController
+from arm_drake.description.gazebo_plugins import (
+    OdometryPublisher as OdometryPublisherTag,
+)
+from arm_drake.messages import (
+    NANOSECONDS,
+    Header,
+    Odometry,
+    Point,
+    Pose,
+    PoseWithCovariance,
+    Quaternion,
+    Twist,
+    TwistWithCovariance,
+    Vector3,
+)
+
+_CERTAIN = (0.0,) * 36
+
+
+class OdometryPublisherState(NamedTuple):
+    """State of an OdometryPublisher between two ticks."""
+
+    # It writes nothing, shape (0,).
+    command: Array
+
+    # Where the frame was at the last tick; None before the first.
+    pose: RigidTransform | None = None
+
+    # What was published last, and when [ns].
+    published: Odometry = Odometry()
+    published_ns: int = 0
+
+    inbox: Inbox = Inbox()
+
+
+class OdometryPublisher(TopicController[OdometryPublisherState]):
+    """Publishes the pose of the robot's root link in the world, and its velocity.
+
+    With J joints:
+
+    ==================  ====  =======  =================================================
+    port                size  unit     meaning
+    ==================  ====  =======  =================================================
+    controller_manager  --    --       Cycle: when to tick
+    state_interfaces    2J    rad, ..  positions and velocities of all joints, or more
+    link_frames         --    --       list of RigidTransform: pose of each link in the
+                                       world
+    command_interfaces  --    --       UpdateResult; nothing
+    /<odom_topic>       --    --       Odometry: the truth
+    /<tf_topic>         --    --       TFMessage with the same
+    events              --    --       tuple without an element
+    ==================  ====  =======  =================================================
+
+    The state is an OdometryPublisherState, renewed in every tick. The pose is that of
+    the link, with ``xyz_offset`` and ``rpy_offset`` in it; with 2 ``dimensions`` at the
+    height 0. Velocities are those from the last tick to this one, along the axes of the
+    frame; with 2 dimensions in the plane alone. Gazebo's are means of ten steps, as
+    long as a tick at 100 Hz. It is published at times
+    1 / ``odom_publish_frequency`` apart; with a frequency of 0 in every tick. Its
+    covariances are 0. Without link_frames its messages are empty.
+    """
+
+    def __init__(
+        self, tag: OdometryPublisherTag, params: ControllerInterfaceParams
+    ) -> None:
+        """Create the system."""
+        rate, model = tag.odom_publish_frequency, params.robot_name
+        self._period_ns = int(NANOSECONDS / rate) if rate > 0.0 else 0
+        self._is_flat = tag.dimensions == 2
+        xyz, rpy = (v or (0.0,) * 3 for v in (tag.xyz_offset, tag.rpy_offset))
+        self._X_LF = RigidTransform(RollPitchYaw(list(rpy)), list(xyz))
+        self._frames = (
+            tag.odom_frame or f"{model}/odom",
+            tag.robot_base_frame or f"{model}/base_footprint",
+        )
+        super().__init__(
+            params,
+            OdometryPublisherState(np.zeros(0)),
+            state_interfaces=(),
+            command_interfaces=(),
+        )
+        poses = AbstractValue.Make([RigidTransform()])
+        self._links = self.DeclareAbstractInputPort(interfaces.FRAMES_PORT, poses)
+        self._link = params.links.index(tag.base_link)
+        odom, tf = (
+            as_topic(name or f"model/{model}/{end}")
+            for name, end in ((tag.odom_topic, "odometry"), (tag.tf_topic, "pose"))
+        )
+        self._declare_topic(odom, lambda state: state.published)
+        self._declare_topic(tf, lambda state: make_transform(state.published))
+        self._declare_events()
+
+    def _update(
+        self, now: UpdateContext, state: OdometryPublisherState
+    ) -> OdometryPublisherState:
+        if not self._links.HasValue(now.context):
+            return state
+        pose = self._links.Eval(now.context)[self._link] @ self._X_LF
+        last, state = state.pose, state._replace(pose=pose)
+        elapsed_ns = now.time_ns - state.published_ns
+        # Times of ticks are cut to whole nanoseconds.
+        if last is None or 0 < elapsed_ns < self._period_ns - 1:
+            return state
+        twist = self._find_twist(last, pose, now.period_ns / NANOSECONDS)
+        message = self._describe(now.time_ns, pose, twist)
+        return state._replace(published=message, published_ns=now.time_ns)
+
+    def _find_twist(
+        self, last: RigidTransform, pose: RigidTransform, dt: float
+    ) -> Twist:
+        """Return the velocity along the axes of the frame; `dt` [s]."""
+        moved = (pose.translation() - last.translation()) / dt
+        turn = pose.rotation().multiply(last.rotation().inverse()).ToAngleAxis()
+        R_FW = pose.rotation().inverse()
+        wx, wy, wz = R_FW.multiply(turn.angle() * turn.axis() / dt).tolist()
+        if not self._is_flat:
+            x, y, z = R_FW.multiply(moved).tolist()
+            return Twist(Vector3(x, y, z), Vector3(wx, wy, wz))
+        yaw = RollPitchYaw(pose.rotation()).yaw_angle()
+        c, s = float(np.cos(yaw)), float(np.sin(yaw))
+        x, y, _ = moved.tolist()
+        return Twist(Vector3(c * x + s * y, c * y - s * x, 0.0), Vector3(z=wz))
+
+    def _describe(self, time_ns: int, pose: RigidTransform, twist: Twist) -> Odometry:
+        """Return the message of a tick."""
+        x, y, z = pose.translation().tolist()
+        qw, qx, qy, qz = pose.rotation().ToQuaternion().wxyz().tolist()
+        at = Point(x, y, 0.0 if self._is_flat else z)
+        odom, base = self._frames
+        return Odometry(
+            Header.from_nanoseconds(time_ns, odom),
+            base,
+            PoseWithCovariance(Pose(at, Quaternion(qx, qy, qz, qw)), _CERTAIN),
+            TwistWithCovariance(twist, _CERTAIN),
+        )
