@@ -89,7 +89,6 @@ def find_initial_positions(
                 f"{suggest(name, movable)}"
             )
     values = initial_values(description.hardware, report, description.file)
-    ranges = _ranges(description)
     positions: dict[str, float] = {}
     for name, joint in movable.items():
         position = requested.get(name, values.get(name, 0.0))
@@ -97,7 +96,7 @@ def find_initial_positions(
             problem = f"expected a finite number, got {position!r}"
             raise InputError(problem, where=f"joint {name!r}")
         if joint.mimic is None:
-            lower, upper = ranges[name]
+            lower, upper = _limits(joint)
             positions[name] = min(max(position, lower), upper)
             if positions[name] != position:
                 what = f"initial position {position} is outside [{lower}, {upper}]"
@@ -119,25 +118,6 @@ def find_initial_positions(
             where, file = f"joint {name!r}", description.file
             report.add("warning", "invalid", what, done, where=where, file=file)
     return {name: positions[name] for name in movable}
-
-
-def _ranges(description: RobotDescription) -> dict[str, tuple[float, float]]:
-    """Return where joints may be, so that those that follow them are within limits.
-
-    A follower whose limits its master can't meet is left out of account.
-    """
-    movable = {joint.name: joint for joint in description.movable_joints}
-    ranges = {name: _limits(joint) for name, joint in movable.items()}
-    for joint in movable.values():
-        master, factor, offset = last_master(joint, movable)
-        if joint.mimic is None or factor == 0.0:
-            continue
-        ends = sorted((end - offset) / factor + 0.0 for end in _limits(joint))
-        lower, upper = ranges[master]
-        both = max(lower, ends[0]), min(upper, ends[1])
-        if both[0] <= both[1]:
-            ranges[master] = both
-    return ranges
 
 
 def _limits(joint: JointInfo) -> tuple[float, float]:

@@ -121,19 +121,19 @@ def start_robot(limits: str, mimic: str, hardware: str = "", **inputs: float):
 FOLLOWS = '<mimic joint="m" multiplier="-2" offset="0.5"/>'
 
 
-def test_a_master_starts_where_its_follower_is_within_its_limits():
-    # s = 0.5 - 2 m is in [0, 0.5] for m in [0, 0.25].
-    positions, lines = start_robot('lower="0" upper="0.5"', FOLLOWS, m=1.0)
-
-    assert positions == {"m": 0.25, "s": 0.0}
-    assert lines == ["initial position 1.0 is outside [0.0, 0.25]; it starts at 0.25"]
-
-
-def test_a_follower_whose_limits_cant_be_met_is_left_out_of_account():
-    positions, lines = start_robot('lower="50" upper="60"', FOLLOWS, m=1.0)
+@pytest.mark.parametrize("limits", ['lower="0" upper="0.5"', 'lower="50" upper="60"'])
+def test_the_limits_of_a_follower_do_not_hold_its_master(limits):
+    positions, lines = start_robot(limits, FOLLOWS, m=1.0)
 
     assert positions == {"m": 1.0, "s": -1.5}
     assert lines == []
+
+
+def test_a_joint_starts_within_its_limits():
+    positions, lines = start_robot('lower="-9" upper="9"', FOLLOWS, m=3.0)
+
+    assert positions == {"m": 2.0, "s": -3.5}
+    assert lines == ["initial position 3.0 is outside [-2.0, 2.0]; it starts at 2.0"]
 
 
 def test_a_follower_cant_be_put_elsewhere():
