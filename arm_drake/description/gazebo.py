@@ -49,6 +49,14 @@ _CLASS = re.compile(r"(gz::sim|ignition::gazebo)(::v\d+)?::systems::(?P<kind>\w+
 
 _SENSORS = re.compile(r"(gz-sim|ignition-gazebo)\d*-sensors-system")
 
+# Libraries that move a robot, and for which nothing stands in.
+_MOVING = re.compile(
+    r"(gz-sim|ignition-gazebo)\d*-(ackermann-steering|mecanum-drive|tracked-vehicle"
+    r"|track-controller|velocity-control|trajectory-follower|thruster"
+    r"|multicopter-[a-z-]+|apply-link-wrench)-system"
+    r"|gazebo_ros_(ackermann_drive|tricycle_drive|planar_move|force|hand_of_god)"
+)
+
 # What publishes what cameras and lidars see.
 _PERCEPTION = (
     "gazebo_ros_camera",
@@ -99,6 +107,11 @@ class GazeboPlugin:
     def is_realsense(self) -> bool:
         """Whether it publishes what the sensors of a RealSense see, by their names."""
         return self._library == "realsense_gazebo_plugin"
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether it would move the robot, but nothing stands in for it."""
+        return _MOVING.fullmatch(self._library) is not None
 
     @property
     def is_sensor_system(self) -> bool:
@@ -157,14 +170,24 @@ def report_gazebo(
 ) -> None:
     """Report the content of `<gazebo>` tags that has no effect, in two lines.
 
-    Friction of what is no link, which would have one, has a line of its own.
+    Plugins that would move the robot have a line of their own, a warning. Friction of
+    what is no link, which would have one, has a line of its own.
     `sensors` are those that measure; `sees` says whether some are cameras or lidars.
     """
     holders = {f"sensor {name!r}" for name in sensors}
+    found = read_gazebo_plugins(root)
+    moving = dict.fromkeys(repr(each.filename) for each in found if each.is_moving)
+    if moving:
+        what = (
+            f"Gazebo plugins {', '.join(moving)} move the robot; they aren't simulated"
+        )
+        done = "controllers and the plugins that are simulated move it alone"
+        report.add("warning", "unsupported", what, done, file=file)
     plugins = collections.Counter(
         repr(plugin.filename or plugin.name)
-        for plugin in read_gazebo_plugins(root)
+        for plugin in found
         if plugin.kind == "other"
+        and not plugin.is_moving
         and not (
             plugin.holder in holders and (plugin.is_bumper or plugin.is_perception)
         )

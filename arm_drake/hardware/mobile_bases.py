@@ -396,6 +396,46 @@ def _report_height(robot: Robot, lowest: float, report: LoadReport) -> None:
         report.add("warning", "invalid", what, done, where="pose", file=file)
 
 
+def _report_steering(
+    plant: MultibodyPlant,
+    model: ModelInstanceIndex,
+    description: RobotDescription,
+    base: MobileBase,
+    report: LoadReport,
+) -> None:
+    """Record steered joints whose positive angle turns a base to the right.
+
+    The kinematics of steering controllers has them in front of the driven ones, on
+    axes that point up; in ROS, too, such a base goes the wrong way.
+    """
+    context = plant.CreateDefaultContext()
+
+    def find(names: Sequence[str]) -> tuple[Array, Array]:
+        """Return where joints are in the middle [m], and the mean of their axes."""
+        joints = [description.joint(name) for name in names]
+        bodies = [plant.GetBodyByName(joint.child, model) for joint in joints]
+        poses = [plant.EvalBodyPoseInWorld(context, body) for body in bodies]
+        axes = [
+            pose.rotation() @ unit_axis(joint)
+            for pose, joint in zip(poses, joints, strict=True)
+        ]
+        places = [pose.translation() for pose in poses]
+        return np.mean(places, axis=0), np.mean(axes, axis=0)
+
+    if not (base.driven and base.steered):
+        return
+    (driven, roll), (steered, up) = find(base.driven), find(base.steered)
+    forward = np.cross(roll, [0.0, 0.0, 1.0])
+    if float(forward @ (steered - driven)) * float(up[2]) > -_TOUCHING:
+        return
+    what = f"a positive angle of {', '.join(map(repr, base.steered))} turns the base to"
+    what += " the right"
+    done = "it turns the other way than commanded, as in ROS; expected an axis that "
+    done += "points up of wheels in front of the driven ones, down of those behind them"
+    where = f"controller {base.controller!r}"
+    report.add("warning", "invalid", what, done, where=where, file=description.file)
+
+
 def _is_at_zero(shape: RestingShape) -> bool:
     """Return whether the top of a shape is at z = 0."""
     highest = lowest_points(shape, np.array([0.0, 0.0, -1.0]))[:, 2].max()
@@ -492,5 +532,7 @@ class RobotBases:
             for base in self.bases
         ]
         bases = list(zip(self.bases, wheels, strict=True))
+        for base in self.bases:
+            _report_steering(plant, model, description, base, report)
         _report_ground(plant, scene_graph, model, self.robot, report, bases)
         _add_base_truths(builder, plant, model, controllers, bases, prefix)

@@ -157,6 +157,22 @@ def test_plugins_that_are_simulated_need_no_line():
     ]
 
 
+def test_plugins_that_would_move_the_robot_are_a_warning():
+    plugins = (
+        "<plugin filename='gz-sim-mecanum-drive-system'/>"
+        "<plugin filename='libgazebo_ros_planar_move.so'/>"
+        "<plugin filename='libgazebo_ros_imu_sensor.so'/>"
+    )
+
+    assert lines_of(f"<gazebo>{plugins}</gazebo>") == [
+        "warning: arm.urdf: Gazebo plugins 'gz-sim-mecanum-drive-system', "
+        "'libgazebo_ros_planar_move.so' move the robot; they aren't simulated; "
+        "controllers and the plugins that are simulated move it alone",
+        "info: arm.urdf: Gazebo plugins 'libgazebo_ros_imu_sensor.so'; they have no "
+        "effect",
+    ]
+
+
 def test_friction_of_what_is_no_link_is_reported():
     lines = lines_of(
         '<link name="arm"/><gazebo reference="arm"><mu1>0.2</mu1></gazebo>'

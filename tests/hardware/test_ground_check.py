@@ -5,10 +5,12 @@ from typing import Any
 
 import pytest
 from pydrake.geometry import Box, HalfSpace
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 
 import arm_drake as ad
+from arm_drake.description.entry import configs_folder
+from arm_drake.messages import Twist, TwistStamped, Vector3
 from tests import models
 from tests.carts import cart, diff_drive
 from tests.hardware.test_wheel_slip import CONTROL, YAML
@@ -195,3 +197,32 @@ def test_a_sprung_wheel_reaches_what_it_reaches(tmp_path: Path) -> None:
     ).replace("</robot>", f"{spring}</robot>")
 
     assert lines_of(load(tmp_path, urdf)) == []
+
+
+@pytest.mark.parametrize(
+    ("x", "axis", "goes_wrong"),
+    [(0.6, 1, False), (0.6, -1, True), (-0.6, 1, True), (-0.6, -1, False)],
+)
+def test_steering_that_turns_the_base_the_other_way_is_reported(
+    tmp_path: Path, x: float, axis: int, goes_wrong: bool
+) -> None:
+    folder = configs_folder() / "wheeled_base"
+    text = (folder / "bicycle.urdf").read_text()
+    at, up = '<origin xyz="0.6 0 0.1"/>', '<axis xyz="0 0 1"/>'
+    assert text.count(at) == text.count(up) == 1
+    text = text.replace(at, f'<origin xyz="{x} 0 0.1"/>')
+    text = text.replace(up, f'<axis xyz="0 0 {axis}"/>')
+    path = tmp_path / "bicycle.urdf"
+    path.write_text(text)
+    robot = ad.load_robot(path, controllers=folder / "bicycle_controllers.yaml")
+    sim = ad.Simulation(ad.build_diagram(robot))
+
+    twist = Twist(Vector3(x=0.3), Vector3(z=0.2))
+    sim.topic("/base/reference").publish(TwistStamped(twist=twist))
+    sim.run(2.0)
+
+    turned = RollPitchYaw(sim.link_poses()["base_link"].rotation()).yaw_angle()
+    assert (turned < 0.0) == goes_wrong
+    found = [line for line in lines_of(robot) if "to the right" in line]
+    start = "warning: controller 'base': a positive angle of 'steering_joint' turns "
+    assert [line.startswith(start) for line in found] == [True] * goes_wrong
