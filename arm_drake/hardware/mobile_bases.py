@@ -416,7 +416,7 @@ def _report_steering(
         bodies = [plant.GetBodyByName(joint.child, model) for joint in joints]
         poses = [plant.EvalBodyPoseInWorld(context, body) for body in bodies]
         axes = [
-            pose.rotation() @ unit_axis(joint)
+            pose.rotation() @ joint.unit_axis
             for pose, joint in zip(poses, joints, strict=True)
         ]
         places = [pose.translation() for pose in poses]

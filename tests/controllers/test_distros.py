@@ -589,7 +589,7 @@ def test_every_row_of_a_simulated_controller_runs() -> None:
 
 def test_a_name_that_no_distro_has_is_reported_with_the_nearest() -> None:
     for distro in DISTROS:
-        assert report_of(FORWARD, {"interface_nam": "x"}, distro=distro) == [
-            "warning: interface_nam: unknown parameter; did you mean "
-            "'interface_name'?; it has no effect"
+        assert report_of(JTC, {"action_monitor_rat": 20.0}, distro=distro) == [
+            "warning: action_monitor_rat: unknown parameter; did you mean "
+            "'action_monitor_rate'?; it has no effect"
         ]
