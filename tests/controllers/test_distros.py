@@ -18,7 +18,6 @@ from tests.controllers.parameters import (
     BICYCLE,
     DIFF_DRIVE,
     EFFORT_GRIPPER,
-    FORWARD,
     GRIPPER,
     GROUPS,
     JSB,
