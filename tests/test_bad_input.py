@@ -217,7 +217,11 @@ BAD_PARAMETERS = [
         ": pid: gains.j3.i_clamp_min and i_clamp_max must have 0 between them, got "
         "-inf and -1.0",
     ),
-    ("group", "joints: {a: 1}", ": group.joints: is required but missing"),
+    (
+        "group",
+        "joints: {a: 1}",
+        ":5: group.joints: is required but missing, 'joints.a' is given instead",
+    ),
 ]
 
 

@@ -151,7 +151,7 @@ def test_check_names_the_parameter_that_a_controller_lacks(run, tmp_path):
     _, out, _ = run("check", "doosan_a0912", "--controllers", broken)
 
     kind = "joint_trajectory_controller/JointTrajectoryController"
-    problem = "joints: is required but missing"
+    problem = "joints: is required but missing, 'jionts' is given instead"
     assert f"controller {JTC} ({kind}): unconfigured: {problem}\n" in out
 
 

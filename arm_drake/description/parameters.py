@@ -280,23 +280,26 @@ def load_parameters(
                 what = "a simulation has no threads"
                 node_parameters.add(name, "info", "ignored", what, "it has no effect")
             continue
-        value = node_parameters.by_name[name].value
-        what = _explain_unknown(name, value, loader.known, loader.used)
+        given = node_parameters.by_name[name]
+        # It is no misspelling of those that its file has beside it.
+        beside = {
+            other
+            for other in loader.used & node_parameters.by_name.keys()
+            if node_parameters.by_name[other].file == given.file
+        }
+        what = _explain_unknown(name, given.value, loader.known, loader.known - beside)
         node_parameters.add(name, "warning", "ignored", what, "it has no effect")
     return result
 
 
-def _explain_unknown(name: str, value: Any, known: set[str], used: set[str]) -> str:
-    """Return what is wrong with a parameter that no schema has.
-
-    It is no misspelling of those that are used, which the file has beside it.
-    """
+def _explain_unknown(name: str, value: Any, known: set[str], meant: set[str]) -> str:
+    """Return what is wrong with a parameter that no schema has, and what is meant."""
     start = f"{name}."
     below = [key.removeprefix(start) for key in known if key.startswith(start)]
     keys = {key.partition(".")[0] for key in below}
     if keys:
         return f"expected a mapping of {', '.join(sorted(keys))}, got {value!r}"
-    return f"unknown parameter{_closest(name, known - used)}"
+    return f"unknown parameter{_closest(name, meant)}"
 
 
 def _closest(name: str, known: set[str]) -> str:
