@@ -397,7 +397,7 @@ def _has_free_base(
         name
         for plugin in description.joint_plugins
         if isinstance(plugin, ApplyJointForce)
-        for name in plugin.joint_names
+        for name in plugin.joint_names[:1]
     }
     is_driven |= any(
         joint.type == "continuous" and joint.name in pushed

@@ -350,7 +350,8 @@ class _FieldReader(ElementReader):
         if isinstance(typed, OdometryPublisher):
             return _odometry_problem(typed)
         if isinstance(typed, DiffDrive):
-            return _measure_problem((typed.wheel_separation,), (typed.wheel_radius,))
+            separations, radii = (typed.wheel_separation,), (typed.wheel_radius,)
+            return _measure_problem(separations, radii) or _topics_problem(typed)
         if isinstance(typed, GazeboRosDiffDrive):
             return _classic_problem(plugin, typed)
         return None
@@ -362,7 +363,13 @@ def _odometry_problem(typed: OdometryPublisher) -> str | None:
     for name in ("xyz_offset", "rpy_offset"):
         if len(numbers := getattr(typed, name)) not in (0, 3):
             return f"{name}: expected three numbers, got {len(numbers)}"
-    return None
+    return _topics_problem(typed)
+
+
+def _topics_problem(typed: OdometryPublisher | DiffDrive) -> str | None:
+    """Return what is wrong with the names of topics of two types."""
+    odom, tf = (name.strip("/") for name in (typed.odom_topic, typed.tf_topic))
+    return f"odom_topic and tf_topic are both {odom!r}" if odom and odom == tf else None
 
 
 def _classic_problem(plugin: GazeboPlugin, typed: GazeboRosDiffDrive) -> str | None:

@@ -180,6 +180,18 @@ def test_the_load_of_a_cart_does_not_press_its_wheels_into_the_ground(
     assert float(base.pose().translation()[2]) == pytest.approx(0.0, abs=1e-3)
 
 
+def test_a_payload_does_not_press_it_in_either(tmp_path: Path) -> None:
+    robot = load(tmp_path, cart(diff_drive()))
+    payload = ad.Payload(2000.0, (-0.02, 0.0, 0.1))
+    diagram = ad.build_diagram(robot, payloads={"base_link": payload})
+    sim = ad.Simulation(diagram)
+
+    sim.run(0.5)
+
+    height = float(sim.link_poses()["base_link"].translation()[2])
+    assert height == pytest.approx(0.0, abs=1.1e-3)
+
+
 ODOMETRY = "gz-sim-odometry-publisher-system"
 
 
@@ -219,18 +231,51 @@ def test_the_odometry_of_a_publisher_is_the_truth(
     assert transform.transform.rotation == message.pose.pose.orientation
 
 
+def test_a_publisher_that_was_off_tells_no_velocity_of_that_time(
+    tmp_path: Path,
+) -> None:
+    truth = plugin(ODOMETRY, ("odom_topic", "truth"))
+    base = Cart(tmp_path, diff_drive() + truth, GZ_TOPICS, step=STEP)
+    base.command.publish(Twist(Vector3(x=SPEED)))
+    base.sim.run(0.5)
+    base.sim.switch_controllers(deactivate=["OdometryPublisher"])
+    base.sim.run(1.0)
+    base.sim.switch_controllers(activate=["OdometryPublisher"])
+
+    speeds = []
+    for _ in range(20):
+        base.sim.run(STEP)
+        message = base.sim.topic("/truth").value()
+        assert isinstance(message, Odometry)
+        speeds.append(message.twist.twist.linear.x)
+
+    assert max(speeds) == pytest.approx(SPEED, rel=0.1)
+
+
+def test_messages_may_be_as_far_apart_as_one_likes(tmp_path: Path) -> None:
+    rare = ("odom_publish_frequency", 1e-320)
+    base = Cart(
+        tmp_path, diff_drive(rare) + plugin(ODOMETRY, rare), GZ_TOPICS, step=STEP
+    )
+
+    assert base.odometry().header.frame_id == ""
+
+
 def test_what_an_odometry_publisher_cannot_do_is_reported(tmp_path: Path) -> None:
     noisy = plugin(ODOMETRY, ("gaussian_noise", 0.1), ("odom_topic", "a"))
     odd = plugin(ODOMETRY, ("dimensions", 4))
     short = plugin(ODOMETRY, ("xyz_offset", "1 2"))
+    twice = plugin(ODOMETRY, ("odom_topic", "a"), ("tf_topic", "/a"))
 
-    robot = load(tmp_path, cart(diff_drive(), noisy, odd, short))
+    robot = load(tmp_path, cart(diff_drive(), noisy, odd, short, twice))
 
     lines = [str(line) for line in robot.report if line.severity != "info"]
     assert [line.partition(".urdf:")[2].lstrip("1: ") for line in lines] == [
         "Gazebo plugin 'drive': dimensions: expected 2 or 3, got 4; "
         "the plugin is left out",
         "Gazebo plugin 'drive': xyz_offset: expected three numbers, got 2; "
+        "the plugin is left out",
+        "Gazebo plugin 'drive': odom_topic and tf_topic are both 'a'; "
         "the plugin is left out",
         "OdometryPublisher: gaussian_noise: velocities are told exactly; "
         "it has no effect",
@@ -284,6 +329,16 @@ def test_a_torque_stays_until_it_is_switched_off_and_within_the_limit(
     # 0.01 N·m turns a wheel of 0.0025 kg·m^2 for half a second.
     assert fast == pytest.approx([2.0, 2.0], rel=0.01)
     assert sim.rollout().velocity[-1] == pytest.approx(fast, rel=0.01)
+
+
+def test_a_joint_that_is_not_pushed_leaves_the_base_fixed(tmp_path: Path) -> None:
+    # Gazebo takes the first name of a plugin, here of what is no wheel.
+    lift = """<link name="lift"/><joint name="lift" type="revolute">
+        <parent link="base_link"/><child link="lift"/><axis xyz="0 0 1"/>
+        <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>"""
+    pushed = plugin(FORCE, ("joint_name", "lift"), ("joint_name", "left"))
+
+    assert not load(tmp_path, cart(lift + pushed)).has_free_base
 
 
 @pytest.mark.parametrize("kind", ["continuous", "revolute"])

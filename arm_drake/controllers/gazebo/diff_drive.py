@@ -40,6 +40,7 @@ from arm_drake.controllers.cycles import (
 from arm_drake.controllers.gazebo.plugin import (
     drive_topics,
     find_twist_fault,
+    publish_period_ns,
     ros_topic,
 )
 from arm_drake.controllers.topics import Inbox, TopicController
@@ -255,7 +256,7 @@ class DiffDrive(TopicController[GazeboDriveState]):
         self._kinematics = DiffDriveKinematics(tag.wheel_separation, radius, radius)
         self._limits = (_find_limits(tag, "linear"), _find_limits(tag, "angular"))
         rate = tag.odom_publish_frequency
-        self._period_ns = int(NANOSECONDS / rate) if rate > 0.0 else 0
+        self._period_ns = publish_period_ns(rate)
         model = params.robot_name
         self._frames = BaseFrames(
             tag.frame_id or f"{model}/odom",

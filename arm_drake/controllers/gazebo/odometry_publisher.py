@@ -14,7 +14,7 @@ from arm_drake.arrays import Array
 from arm_drake.controllers.bases.base import make_transform
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
-from arm_drake.controllers.gazebo.plugin import as_topic
+from arm_drake.controllers.gazebo.plugin import as_topic, publish_period_ns
 from arm_drake.controllers.topics import Inbox, TopicController
 from arm_drake.description.gazebo_plugins import (
     OdometryPublisher as OdometryPublisherTag,
@@ -83,7 +83,7 @@ class OdometryPublisher(TopicController[OdometryPublisherState]):
     ) -> None:
         """Create the system."""
         rate, model = tag.odom_publish_frequency, params.robot_name
-        self._period_ns = int(NANOSECONDS / rate) if rate > 0.0 else 0
+        self._period_ns = publish_period_ns(rate)
         self._is_flat = tag.dimensions == 2
         xyz, rpy = (v or (0.0,) * 3 for v in (tag.xyz_offset, tag.rpy_offset))
         self._X_LF = RigidTransform(RollPitchYaw(list(rpy)), list(xyz))
@@ -107,6 +107,12 @@ class OdometryPublisher(TopicController[OdometryPublisherState]):
         self._declare_topic(odom, lambda state: state.published)
         self._declare_topic(tf, lambda state: make_transform(state.published))
         self._declare_events()
+
+    def _activate(
+        self, now: UpdateContext, state: OdometryPublisherState
+    ) -> OdometryPublisherState:
+        # Where the frame was when it stopped tells no velocity.
+        return state._replace(pose=None)
 
     def _update(
         self, now: UpdateContext, state: OdometryPublisherState

@@ -39,7 +39,7 @@ from arm_drake.description.gazebo_plugins import (
     JointTrajectoryController,
     OdometryPublisher,
 )
-from arm_drake.messages import Message, Twist
+from arm_drake.messages import NANOSECONDS, Message, Twist
 
 Mask = NDArray[np.bool_]
 
@@ -375,6 +375,15 @@ def _command_topic(tag: _OneJoint, model: str, end: str) -> str:
     if tag.sub_topic:
         return as_topic(f"model/{model}/{tag.sub_topic.strip()}")
     return as_topic(f"model/{model}/joint/{tag.joint_names[0]}{end}")
+
+
+# Messages that are farther apart come once.
+_LONGEST_NS = 2**62
+
+
+def publish_period_ns(rate: float) -> int:
+    """Return the time between messages at a rate [Hz]; 0 for each tick."""
+    return int(min(NANOSECONDS / rate, _LONGEST_NS)) if rate > 0.0 else 0
 
 
 def as_topic(name: str) -> str:
