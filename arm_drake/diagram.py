@@ -397,7 +397,9 @@ def _add_models(
     plant.Finalize()
     for base, model in zip(bases, models, strict=True):
         if base.robot.has_free_base:
-            carry_weight(scene_graph, total_mass(base.robot.description))
+            extra = setting.payloads_by_robot[base.robot.name].values()
+            loads = sum(payload.mass for payload in extra)
+            carry_weight(scene_graph, total_mass(base.robot.description) + loads)
         place_free_links(plant, scene_graph, model, base.robot)
         base.set_friction(plant, scene_graph, model)
     return models
