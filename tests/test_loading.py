@@ -173,6 +173,17 @@ def test_a_folder_with_one_robot_is_loaded(package):
     assert ad.load_robot(package).description.file == package / "urdf" / "arm.urdf"
 
 
+def test_a_file_of_macros_that_includes_the_links_is_a_robot_if_no_other_is(package):
+    (package / "urdf" / "arm.urdf").unlink()
+    inside = '<xacro:macro name="a"/><xacro:include filename="core.xacro"/>'
+    text = f'<robot xmlns:xacro="{XACRO}" name="arm">{inside}</robot>'
+    write(package / "urdf" / "arm.urdf.xacro", text)
+    core = '<robot><link name="base"/></robot>'
+    write(package / "urdf" / "core.xacro", core)
+
+    assert ad.load_robot(package).description.links == ("base",)
+
+
 @pytest.mark.parametrize(
     "inside",
     [

@@ -177,11 +177,14 @@ def find_entry(source: Source) -> tuple[Path, str | None]:
 
 def _entry_in_folder(folder: Path) -> Path:
     """Return the one file in a package folder that makes a robot."""
-    candidates = sorted(
+    files = sorted(
         path
         for path in _files_below(folder)
-        if path.suffix.lower() in (".urdf", ".xacro") and _makes_robot(path)
+        if path.suffix.lower() in (".urdf", ".xacro")
     )
+    candidates = [path for path in files if _makes_robot(path)]
+    # What a file with macros includes are other macros, nearly always.
+    candidates = candidates or [p for p in files if _makes_robot(p, has_macros=True)]
     name = folder.absolute().name
     names = {name, *(name.removesuffix(suffix) for suffix in _FOLDER_SUFFIXES)}
     alike = [p for p in candidates if p.name.partition(".")[0] in names]
@@ -217,8 +220,11 @@ def _files_below(folder: Path) -> Iterator[Path]:
         yield from (Path(root, name) for name in names)
 
 
-def _makes_robot(path: Path) -> bool:
-    """Return whether a file is a named robot, not only macros to be included."""
+def _makes_robot(path: Path, *, has_macros: bool = False) -> bool:
+    """Return whether a file is a named robot, not only macros to be included.
+
+    One that has nothing but what it includes is one if it has no macros, or may.
+    """
     root = text_of(path).partition("<robot")[2].partition(">")
     is_named = "name=" in root[0].replace(" ", "")
     if path.suffix.lower() == ".urdf":
@@ -226,8 +232,8 @@ def _makes_robot(path: Path) -> bool:
     text = _EMPTY_MACRO.sub("", _without(root[2], "<!--", "-->"))
     outside = _without(text, "<xacro:macro", "</xacro:macro")
     makes_links = "<link" in outside or _CALL.search(outside) is not None
-    # What a file of macros includes are other macros.
-    includes = "<xacro:include" in outside and "<xacro:macro" not in text
+    includes = "<xacro:include" in outside
+    includes &= has_macros or "<xacro:macro" not in text
     is_named |= _NAME.search(outside) is not None
     return is_named and (makes_links or includes)
 
