@@ -412,7 +412,8 @@ class _Repair:
             self._links[name] = dc.replace(link, inertial=None)
             if mass != 0.0:
                 # As Gazebo's conversion takes it; what is below 0 was meant otherwise.
-                what, done = f"a mass of {mass} kg", "it is taken as massless"
+                text, done = repr(mass).removesuffix(".0"), "it is taken as massless"
+                what = f"a mass of {text} kg"
                 self._add(name, what, done, "warning" if mass > 0.0 else "error")
             elif np.nan_to_num(info.moments).any():
                 what = "an inertia without mass"

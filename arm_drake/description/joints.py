@@ -453,7 +453,9 @@ def _dynamics(
 
 def _axis(joint: ET.Element, joint_type: str, file: Path, where: str) -> Vector:
     axis = read_vector(joint.find("axis"), "xyz", file, where, (1.0, 0.0, 0.0))
-    if joint_type not in ("fixed", "floating") and not any(axis):
+    # Drake squares them.
+    length = math.sqrt(sum(x * x for x in axis))
+    if joint_type not in ("fixed", "floating") and length == 0.0:
         problem = "<axis xyz>: expected a direction, got zeros"
         raise DescriptionError(problem, file=file, where=where)
     return axis
@@ -581,8 +583,11 @@ def _fit_limits(
         "info" if beyond <= small else "warning",
         "repair",
         f"limits of {lower:.4g} to {upper:.4g} would stop {name!r}, which takes it "
-        f"from {low:.4g} to {high:.4g}",
-        "it follows beyond them",
+        f"from {low:.4g} to {high:.4g}"
+        if factor
+        else f"it stands at {offset:.4g}, beyond its limits of {lower:.4g} to "
+        f"{upper:.4g}",
+        "it follows beyond them" if factor else "they don't hold it",
         where=f"joint {joint.name!r}",
         file=file,
     )

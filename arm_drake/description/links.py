@@ -378,13 +378,14 @@ class _ShapeReader:
         is_visual = element.tag == "visual"
         severity, _ = describe_loss(is_visual=is_visual)
         add = functools.partial(self.report.add, where=where, file=self.file)
-        shape = element.find("geometry/*")
+        geometry = element.find("geometry")
+        shape = None if geometry is None else geometry.find("*")
         try:
             if shape is None:
                 raise _UnfitError("no geometry")
             if shape.tag != "mesh":
-                geometry = self._read_primitive(shape, where)
-                return [ShapeInfo(geometry, origin, name, color)]
+                solid = self._read_primitive(shape, where)
+                return [ShapeInfo(solid, origin, name, color)]
             path, scale = self._find_mesh(shape, where)
         except PackageError as error:
             add(severity, "missing", error.problem, "the mesh is left out")

@@ -76,7 +76,7 @@ def joint_ranges(description: RobotDescription) -> tuple[JointRange, ...]:
     attribute that it lacks is 0, as urdfdom reads it. A revolute joint without limits
     goes from -pi to pi, a prismatic one from -1 m to 1 m; one with a single limit has a
     range as wide. Limits beyond 1000 are none. A joint that follows goes as far as its
-    master takes it.
+    master takes it, unless `<safety_controller>` narrows its own.
     """
     return tuple(_range(joint) for joint in description.movable_joints)
 

@@ -329,8 +329,12 @@ def test_a_primitive_stays(repair, shape):
     assert lines == []
 
 
-def test_a_visual_without_geometry_is_left_out(repair):
-    root, lines = repair('<link name="a"><visual/></link>')
+@pytest.mark.parametrize(
+    "inside",
+    ["", "<geometry/>", '<geometry/><geometry><sphere radius="1"/></geometry>'],
+)
+def test_a_visual_without_geometry_is_left_out(repair, inside):
+    root, lines = repair(f'<link name="a"><visual>{inside}</visual></link>')
 
     assert root.find("link/visual") is None
     assert lines == ["warning: link 'a', visual 0: no geometry; left out"]
