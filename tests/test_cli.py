@@ -581,7 +581,15 @@ def test_sim_exits_with_1_when_a_topic_message_is_refused(run, tmp_path):
             "--port is for the page, and with --headless there is none",
         ),
         (
-            ["doosan_a0912", "--ros-domain", "3"],
+            ["doosan_a0912", "--port", "0"],
+            "--port is for the page, and with --headless there is none",
+        ),
+        (
+            ["doosan_a0912", "--ros-reset-clock"],
+            "--ros-reset-clock is of what --ros lets in; give that, too",
+        ),
+        (
+            ["doosan_a0912", "--ros-domain", "0"],
             "--ros-domain is of what --ros lets in; give that, too",
         ),
         (

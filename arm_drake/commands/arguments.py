@@ -46,12 +46,18 @@ def not_negative(text: str) -> float:
 OF_PAGES = ("host", "port", "open")
 
 
+def is_given(options: argparse.Namespace, option: str) -> bool:
+    """Return whether an option is on the command line; it may be 0 there."""
+    value = getattr(options, option.replace("-", "_"))
+    return not (value is None or value is False or value == [])
+
+
 def check_pageless(
     options: argparse.Namespace, option: str, words: Sequence[str] = OF_PAGES
 ) -> None:
     """Raise InputError for words about a page, where an option leaves none."""
     for word in words:
-        if getattr(options, word):
+        if is_given(options, word):
             text = f"--{word} is for the page, and with {option} there is none"
             raise InputError(text)
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from arm_drake.commands.arguments import read_frames, read_initial
+from arm_drake.commands.arguments import is_given, read_frames, read_initial
 from arm_drake.commands.output import say_report
 from arm_drake.commands.sim import (
     choose_motion,
@@ -187,8 +187,7 @@ def _view(options: argparse.Namespace, plan: LaunchPlan) -> int:
         raise InputError(text, file=plan.file)
     _check_frame(options, plan)
     for word in _OF_SIMULATIONS:
-        # A plain --ros is "".
-        if getattr(options, word) not in (None, False, []):
+        if is_given(options, word):  # A plain --ros is "".
             text = f"--{word.replace('_', '-')} is for a simulation; this launch file "
             raise InputError(f"{text}only shows its robot", file=plan.file)
     if options.ghost == []:

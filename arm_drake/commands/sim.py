@@ -13,7 +13,7 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Diagram
 
 from arm_drake import yaml_files
-from arm_drake.commands.arguments import OF_PAGES, check_pageless
+from arm_drake.commands.arguments import OF_PAGES, check_pageless, is_given
 from arm_drake.commands.output import (
     Speaker,
     camera_images,
@@ -214,8 +214,8 @@ def _check_words(options: argparse.Namespace) -> None:
     if options.headless:
         words = (*OF_PAGES, "wait", "hold", "paused", "curve", "keyboard")
         check_pageless(options, "--headless", words)
-    for word in ("ros-host", "ros-domain", "ros-origin"):
-        if options.ros is None and getattr(options, word.replace("-", "_")):
+    for word in ("ros-host", "ros-domain", "ros-origin", "ros-reset-clock"):
+        if options.ros is None and is_given(options, word):
             raise InputError(f"--{word} is of what --ros lets in; give that, too")
     if options.log_images and (options.log is None or options.log.suffix == ".csv"):
         text = "--log-images says what else --log holds: give a .npz or .mcap file"
