@@ -148,8 +148,10 @@ def box(size: Array) -> Inertial:
 
 def polyhedron(vertices: Array, faces: Array) -> Inertial:
     """Return what closed triangles enclose."""
-    # Tetrahedra between the faces and the origin, of signed volume.
-    corners = vertices[faces]
+    # Tetrahedra between the faces and the middle, of signed volume. Far from it moments
+    # would be differences of large numbers.
+    middle = vertices.mean(axis=0)
+    corners = (vertices - middle)[faces]
     volumes = np.linalg.det(corners) / 6.0
     sums = corners.sum(axis=1)
     volume = float(volumes.sum())
@@ -157,7 +159,8 @@ def polyhedron(vertices: Array, faces: Array) -> Inertial:
     products = np.einsum("t,tki,tkj->ij", volumes, corners, corners)
     products += np.einsum("t,ti,tj->ij", volumes, sums, sums)
     second = products / 20.0 - volume * np.outer(center, center)
-    return Inertial(volume, center, np.trace(second) * np.eye(3) - second)
+    inertia = np.trace(second) * np.eye(3) - second
+    return Inertial(volume, center + middle, inertia)
 
 
 def _placed_solid(shape: ShapeInfo) -> Inertial | None:
@@ -426,9 +429,14 @@ class _Repair:
             self._add(name, what, "taken as 0")
         inertia = np.nan_to_num(info.tensor)
         self._links[name] = dc.replace(link, inertial=info.with_tensor(inertia))
-        if not is_physical(inertia):
-            what = f"no body has the principal moments {_moments(inertia)}"
-            inertia = nearest_physical(mass, inertia)
+        self._make_physical(name)
+
+    def _make_physical(self, name: str) -> None:
+        """Mend moments that no body has."""
+        info = self._links[name].inertial
+        if info is not None and not is_physical(info.tensor):
+            what = f"no body has the principal moments {_moments(info.tensor)}"
+            inertia = nearest_physical(info.mass, info.tensor)
             self._replace(name, inertia, what, "the nearest possible ones")
 
     def _add_mass(self, names: Sequence[str], total: float, what: str) -> None:
@@ -476,6 +484,7 @@ class _Repair:
         moments = _moments(inertial.inertia)
         done = f"it gets {inertial.mass:.3g} kg and the moments {moments}, {done}"
         self._add(name, what, done)
+        self._make_physical(name)
 
     def _replace(self, name: str, inertia: Array, what: str, done: str) -> None:
         link = self._links[name]

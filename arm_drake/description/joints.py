@@ -49,13 +49,19 @@ _MOST_DEGREES = 720.0
 _LEAST_SPEED = 45.0
 _ANY_SPEED = 100.0
 
+# Drake takes no shorter axis: the root of the least difference of numbers from 1.
+_SHORTEST_AXIS = math.sqrt(math.ulp(1.0))
+
 # So far beside a limit is where it was rounded [rad] or [m].
 _BESIDE = 1e-3
 
 
 @dc.dataclass(frozen=True)
 class JointLimits:
-    """`<limit>` of a joint; None where nothing is said, or 0 or inf for "unset"."""
+    """`<limit>` of a joint; None where there is none.
+
+    An end that a `<limit>` lacks is 0, as for urdfdom. Efforts and speeds of 0 are none.
+    """
 
     # [rad] or [m].
     lower: float | None = None
@@ -435,6 +441,11 @@ def _report_lacking(
         if name not in limit.attrib:
             what = f"<limit> without {name!r}, which ROS takes in no joint"
             reader.note("warning", "missing", what, "taken as unset")
+    # One of them is often meant to be 0.
+    has_ends = "lower" in limit.attrib or "upper" in limit.attrib
+    if not has_ends and joint_type in ("revolute", "prismatic"):
+        what = "<limit> without 'lower' and 'upper'"
+        reader.note("warning", "missing", what, "both are 0, as in ROS")
 
 
 def _dynamics(
@@ -453,9 +464,8 @@ def _dynamics(
 
 def _axis(joint: ET.Element, joint_type: str, file: Path, where: str) -> Vector:
     axis = read_vector(joint.find("axis"), "xyz", file, where, (1.0, 0.0, 0.0))
-    # Drake squares them.
-    length = math.sqrt(sum(x * x for x in axis))
-    if joint_type not in ("fixed", "floating") and length == 0.0:
+    length = max(map(abs, axis))
+    if joint_type not in ("fixed", "floating") and length <= _SHORTEST_AXIS:
         problem = "<axis xyz>: expected a direction, got zeros"
         raise DescriptionError(problem, file=file, where=where)
     return axis
@@ -515,8 +525,8 @@ def write_joint(joint: JointInfo) -> str:
         text += f'<axis xyz="{write_vector(joint.axis)}"/>'
     limits = "".join(
         f' {name}="{value!r}"'
-        for name, value in vars(joint.limits).items()
-        if value is not None
+        for name in ("lower", "upper", "effort", "velocity")
+        if (value := getattr(joint.limits, name)) is not None
     )
     if limits and joint.type != "fixed":
         text += f"<limit{limits}/>"

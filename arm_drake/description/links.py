@@ -116,7 +116,7 @@ class ShapeInfo:
 
 @dc.dataclass(frozen=True)
 class InertialInfo:
-    """`<inertial>` of a link."""
+    """`<inertial>` of a link; as it is read, what it lacks is nan."""
 
     # [kg].
     mass: float
@@ -507,7 +507,9 @@ def _write_inertial(inertial: InertialInfo) -> str:
 
 
 def _write_shape(tag: str, shape: ShapeInfo) -> str:
-    name = f" name={quote_attribute(shape.name)}" if shape.name else ""
+    # Drake takes no name of spaces.
+    is_named = bool(shape.name.strip())
+    name = f" name={quote_attribute(shape.name)}" if is_named else ""
     text = f"<{tag}{name}>{write_origin(shape.origin)}"
     text += f"<geometry>{_write_geometry(shape.geometry)}</geometry>"
     if shape.color is not None:

@@ -121,7 +121,7 @@ class RobotDescription:
 
     @functools.cached_property
     def urdf(self) -> str:
-        """The description as Drake takes it, as a text."""
+        """The description as a text that Drake takes; damping in a plane is three."""
         return write_urdf(self.name, self.link_infos, self.joints)
 
     @functools.cached_property

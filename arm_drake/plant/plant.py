@@ -319,9 +319,9 @@ def _moved_with_base(joint: JointInfo, X_WB: RigidTransform) -> JointInfo:
     if joint.parent != WORLD:
         return joint
     X_WP = X_WB @ origin_transform(joint.origin)
-    rpy = RollPitchYaw(X_WP.rotation()).vector()
-    xyz, rpy = X_WP.translation().tolist(), rpy.tolist()
-    return dc.replace(joint, origin=Origin((*xyz,), (*rpy,)))
+    x, y, z = X_WP.translation().tolist()
+    roll, pitch, yaw = RollPitchYaw(X_WP.rotation()).vector().tolist()
+    return dc.replace(joint, origin=Origin((x, y, z), (roll, pitch, yaw)))
 
 
 def without_shapes(

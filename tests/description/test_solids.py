@@ -1,12 +1,14 @@
 """Volume, centre and inertia of shapes, against integrals done by hand."""
 
 import dataclasses as dc
+import itertools
 import math
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from arm_drake.description.inertia import Inertial, link_solid, polyhedron
 from arm_drake.description.links import (
@@ -127,6 +129,25 @@ def test_a_tetrahedron_has_the_integrals_of_its_corners():
     np.testing.assert_allclose(solid.center, [5.25, 6.5, 7.75])
     expected = np.trace(mean) * np.eye(3) - mean
     np.testing.assert_allclose(solid.inertia, expected, atol=1e-10)
+
+
+@pytest.mark.parametrize("distance", [1e2, 1e4])
+def test_a_thin_body_far_from_the_origin_has_moments_of_a_body(distance):
+    # Of such numbers the moments about the origin have no digit left.
+    corners = np.array(list(itertools.product((0.0, 1.0), repeat=3)))
+    size = np.array([0.05, 0.002, 0.0005])
+    hull = ConvexHull(corners)
+    faces = [
+        face if np.linalg.det(corners[face] - 0.5) > 0.0 else face[::-1]
+        for face in hull.simplices
+    ]
+    there = distance * np.array([0.6, 0.64, 0.48])
+
+    solid = polyhedron(corners * size + there, np.array(faces))
+
+    expected = np.prod(size) / 12.0 * (np.sum(size**2) - size**2)
+    np.testing.assert_allclose(np.diag(solid.inertia), expected, rtol=1e-6)
+    np.testing.assert_allclose(solid.center, there + size / 2.0, rtol=1e-12)
 
 
 def write_obj(folder: Path) -> Path:

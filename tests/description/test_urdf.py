@@ -557,7 +557,12 @@ def test_limits_the_wrong_way_round_are_swapped():
                 "it moves without limits"
             ],
         ),
-        ("revolute", '<limit effort="1" velocity="1"/>', []),
+        (
+            "revolute",
+            '<limit effort="1" velocity="1"/>',
+            ["<limit> without 'lower' and 'upper'; both are 0, as in ROS"],
+        ),
+        ("prismatic", '<limit upper="1" effort="1" velocity="1"/>', []),
         ("continuous", "", []),
         ("fixed", "", []),
     ],
