@@ -60,7 +60,7 @@ _BESIDE = 1e-3
 class JointLimits:
     """`<limit>` of a joint; None where there is none.
 
-    An end that a `<limit>` lacks is 0, as for urdfdom. Efforts and speeds of 0 are none.
+    An end that a `<limit>` lacks is 0, as for urdfdom; an effort or speed of 0 is none.
     """
 
     # [rad] or [m].
