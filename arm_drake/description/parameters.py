@@ -356,7 +356,9 @@ class _Loader:
             places = [self._node.by_name.get(prefix + key) for key in values]
             first = next(filter(None, places), None)
             # Its message begins with the name of what is wrong.
-            wrong = self._node.by_name.get(prefix + str(error).split()[0].rstrip(":,"))
+            wrong = self._node.by_name.get(
+                prefix + str(error).partition(" ")[0].rstrip(":,")
+            )
             first = wrong or first
             raise ParameterError(
                 str(error),
