@@ -15,11 +15,11 @@ states and frames, stays as it is.
 import dataclasses as dc
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.description.claimed_hardware import (
     STEERING,
     WHEEL_PARAMETERS,
@@ -172,9 +172,6 @@ def report_bases(
                 done = "it spins and drives nothing; expected more than 0, such as 1"
                 where = f"link {link!r}"
                 report.add("error", "invalid", what, done, where=where, file=file)
-
-
-Array = NDArray[Any]
 
 
 def link_orientation(description: RobotDescription, link: str) -> Array:

@@ -11,12 +11,11 @@ import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 from urllib.parse import unquote, urlparse
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.description.joints import JointInfo
 from arm_drake.description.links import (
     MOMENTS,
@@ -28,8 +27,6 @@ from arm_drake.description.links import (
 )
 from arm_drake.description.report import LoadReport, Severity
 from arm_drake.errors import quoted
-
-Array = NDArray[Any]
 
 # Other volumes [m^3] are those of no body.
 _VOLUMES = (1e-50, 1e50)

@@ -15,13 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
+from arm_drake.arrays import Array
 from arm_drake.description.elements import (
     ElementReader,
     parse_number,
     quote_attribute,
 )
 from arm_drake.description.links import (
-    Array,
     Origin,
     Vector,
     read_numbers,

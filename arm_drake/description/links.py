@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_drake.arrays import Array
 from arm_drake.description.elements import numbers, quote_attribute
 from arm_drake.description.meshes.conversion import (
     convert_collision,
@@ -27,7 +27,6 @@ from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import DescriptionError, PackageError
 
-Array = NDArray[Any]
 Vector = tuple[float, float, float]
 
 # Red, green, blue, alpha, from 0 to 1.

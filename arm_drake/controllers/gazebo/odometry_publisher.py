@@ -32,8 +32,6 @@ from arm_drake.messages import (
     Vector3,
 )
 
-_CERTAIN = (0.0,) * 36
-
 
 class OdometryPublisherState(NamedTuple):
     """State of an OdometryPublisher between two ticks."""
@@ -154,6 +152,6 @@ class OdometryPublisher(TopicController[OdometryPublisherState]):
         return Odometry(
             Header.from_nanoseconds(time_ns, odom),
             base,
-            PoseWithCovariance(Pose(at, Quaternion(qx, qy, qz, qw)), _CERTAIN),
-            TwistWithCovariance(twist, _CERTAIN),
+            PoseWithCovariance(Pose(at, Quaternion(qx, qy, qz, qw))),
+            TwistWithCovariance(twist),
         )
