@@ -43,6 +43,9 @@ class _Postponed(types.ModuleType):
 
 # xacro seldom needs it, and to import it takes longer than to expand a robot.
 sys.modules["yaml"] = _Postponed("yaml")
+# Its command line, which imports a parser of options, isn't used here.
+sys.modules["xacro.cli"] = types.ModuleType("xacro.cli")
+vars(sys.modules["xacro.cli"]).update(process_args=None)
 
 import xacro  # noqa: E402
 from xacro import substitution_args  # noqa: E402
