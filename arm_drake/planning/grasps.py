@@ -14,7 +14,7 @@ from pydrake.geometry import Box, Capsule, Convex, Cylinder, Ellipsoid, Mesh, Sp
 from pydrake.math import RigidTransform, RotationMatrix
 
 from arm_drake.errors import InputError
-from arm_drake.planning.grippers import Gripper
+from arm_drake.planning.grippers import Gripper, hull_corners
 from arm_drake.plant.contact import hull_vertices
 
 # What can be grasped.
@@ -168,7 +168,7 @@ def _find_shell(gripper: Gripper, width: float, radius: float) -> _Shell | None:
     # It is moved back as long as the pads are on the thing.
     near = np.linalg.norm(opened, axis=1) < radius + _most_shift(gripper, radius) + 1e-6
     # Fingers on an arc reach further when they have closed.
-    corners = _hull_corners(np.vstack([opened, gripping]))
+    corners = hull_corners(np.vstack([opened, gripping]))
     return _Shell(closed, X_PF, opened[near], corners)
 
 
@@ -176,16 +176,6 @@ def _most_shift(gripper: Gripper, depth: float) -> float:
     """Return how far back the pads still are on a thing of a depth [m]."""
     reach = gripper.pad[0]
     return max(0.0, reach + depth - 2.0 * reach * _COVERED)
-
-
-def _hull_corners(points: np.ndarray) -> np.ndarray:
-    """Return the points of a hull; all, if they lie in a plane."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    try:
-        return points[ConvexHull(points).vertices]
-    except QhullError:
-        return points
 
 
 def _around(

@@ -153,9 +153,12 @@ class Gripper:
         return RigidTransform(RotationMatrix(R), middle)
 
     def points(self, closed: float) -> np.ndarray:
-        """Return points of its surface in the frame of the palm [m], shape (n, 3)."""
-        links = [self.palm, *self.fingers[0], *self.fingers[1]]
-        return self.shapes.at(dict.fromkeys(links), self.palm, self.positions(closed))
+        """Return points of its surface in the frame of the palm [m], shape (n, 3).
+
+        Those that bound it are among them.
+        """
+        links = dict.fromkeys([self.palm, *self.fingers[0], *self.fingers[1]])
+        return self.shapes.few_at(links, self.palm, self.positions(closed))
 
 
 # Of so many robots a gripper is remembered, as it remembers its robot.
@@ -279,6 +282,7 @@ class _Shapes:
         self._robot, self._plant, self._model = robot, plant, model
         self._context = plant.CreateDefaultContext()
         self._points: dict[str, np.ndarray] = {}
+        self._few: dict[str, np.ndarray] = {}
         for link in robot.description.links:
             if not plant.HasBodyNamed(link, model):
                 continue
@@ -302,11 +306,30 @@ class _Shapes:
         self, links: Iterable[str], palm: str, positions: Mapping[str, float]
     ) -> np.ndarray:
         """Return points of links in the frame of the palm [m], shape (n, 3)."""
+        return self._place(self._points, links, palm, positions)
+
+    def few_at(
+        self, links: Iterable[str], palm: str, positions: Mapping[str, float]
+    ) -> np.ndarray:
+        """Return as few as are still close to each other, with the hull's corners."""
+        for link in links:
+            points = self._points.get(link)
+            if points is not None and len(points) and link not in self._few:
+                self._few[link] = np.vstack([_thin(points), hull_corners(points)])
+        return self._place(self._few, links, palm, positions)
+
+    def _place(
+        self,
+        points: Mapping[str, np.ndarray],
+        links: Iterable[str],
+        palm: str,
+        positions: Mapping[str, float],
+    ) -> np.ndarray:
         parts = [np.zeros((0, 3))]
         for link in links:
-            if len(self._points.get(link, ())):
+            if len(points.get(link, ())):
                 X_PB = self.pose(link, palm, positions)
-                parts.append(X_PB.multiply(self._points[link].T).T)
+                parts.append(X_PB.multiply(points[link].T).T)
         return np.vstack(parts)
 
     def pose(
@@ -338,11 +361,31 @@ def _spread(mesh: TriangleSurfaceMesh) -> np.ndarray:
     counts = np.minimum(np.ceil(longest / _CELL).astype(int), _MOST_PARTS)
     for count in np.unique(counts[counts > 1]):
         some = counts == count
-        for i, j in itertools.product(range(count + 1), repeat=2):
-            if i + j <= count:
-                u, v = i / count, j / count
-                parts.append((1 - u - v) * a[some] + u * b[some] + v * c[some])
+        steps = range(count + 1)
+        grid = np.array([(i, j) for i in steps for j in steps if i + j <= count])
+        u, v = (grid / count).T[:, :, None, None]
+        points = (1 - u - v) * a[some] + u * b[some] + v * c[some]
+        parts.append(points.reshape(-1, 3))
     return np.vstack(parts)
+
+
+def _thin(points: np.ndarray) -> np.ndarray:
+    """Return one point of each cube with an edge of half a cell, shape (m, 3)."""
+    cubes = np.floor(points / (0.5 * _CELL)).astype(np.int64)
+    cubes -= cubes.min(axis=0)
+    sizes = cubes.max(axis=0) + 1
+    numbers = np.ravel_multi_index(tuple(cubes.T), tuple(sizes))
+    return np.asarray(points[np.unique(numbers, return_index=True)[1]])
+
+
+def hull_corners(points: np.ndarray) -> np.ndarray:
+    """Return the points of a hull; all, if they lie in a plane."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return np.asarray(points[ConvexHull(points).vertices])
+    except QhullError:
+        return points
 
 
 def _split(

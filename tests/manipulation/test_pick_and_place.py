@@ -14,6 +14,7 @@ from pydrake.geometry import Box, Convex, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
+from scipy.spatial import KDTree
 
 import arm_drake as ad
 from arm_drake.errors import MotionError
@@ -242,6 +243,25 @@ def test_no_grasp_has_the_gripper_in_the_thing_or_below_it(shape: Box | Sphere) 
     # Some are as low as they may be, but for what the fingers sweep on an arc.
     assert min(gaps) > 2e-3 - 1e-9
     assert isinstance(shape, Box) or min(gaps) < 3e-3
+
+
+@pytest.mark.parametrize("closed", [0.0, 0.7])
+def test_points_of_a_gripper_are_close_to_each_other_and_bound_it(
+    closed: float,
+) -> None:
+    gripper = find_gripper(load_mycobot())
+    links = dict.fromkeys([gripper.palm, *gripper.fingers[0], *gripper.fingers[1]])
+    surface = gripper.shapes.at(links, gripper.palm, gripper.positions(closed))
+
+    points = gripper.points(closed)
+
+    assert len(points) < 0.8 * len(surface)
+    distances, _ = KDTree(points).query(surface)
+    # The diagonal of a cube of a millimetre.
+    assert distances.max() < math.sqrt(3.0) * 1e-3
+    directions = np.random.default_rng(1).normal(size=(3, 200))
+    bounds = (surface @ directions).max(axis=0)
+    np.testing.assert_allclose((points @ directions).max(axis=0), bounds, atol=1e-9)
 
 
 def add_nut(plant: MultibodyPlant, folder: Path) -> None:
