@@ -268,15 +268,15 @@ def _key(name: str, value: Value) -> Any:
     return yaml.ScalarNode("tag:yaml.org,2002:str", name, *marks)
 
 
-def _count(value: Value) -> int:
-    number = value.number(1.0)
+def _count(value: Value, least: float = 1.0) -> int:
+    number = value.number(least)
     if number != int(number):
         raise value.error(f"expected an integer, got {number:g}")
     return int(number)
 
 
 def _seed(value: Value) -> int:
-    return int(value.number(0.0))
+    return _count(value, 0.0)
 
 
 def _duration(value: Value) -> float:
@@ -372,39 +372,56 @@ def _read_numbers(kind: str, value: Value) -> tuple[Any, ...]:
 
 
 def _check(study: Study, fields: Mapping[str, Value]) -> None:
-    """Raise InputError for what the first run can't be changed to."""
+    """Raise InputError for what a run can't be changed to.
+
+    Each value is tried alone; of a distribution its first draw, of a row its ends.
+    """
     where = fields.get("vary", fields.get("draws", fields["robot"]))
     if study.num_runs > _MOST_RUNS:
         text = f"it has {study.num_runs} runs; expected at most {_MOST_RUNS}"
         raise where.error(text)
-    first = next(study.values())
-    robot, known = study.robot, study.robot.initial_positions
+    robot, first = study.robot, next(study.values())
     if "world" in fields:
         paths = robot.package_paths
         at_place(fields["world"], lambda: load_world(study.world, paths))
-    for name, value in first.items():
-        kind, _, rest = name.partition(".")
+    for name, how in study.vary.items():
         place = fields["vary"].mapping()[name]
-        if kind == "payload":
-            links = robot.description.links
-            at_place(place, functools.partial(check_link, rest, links))
-        if kind == "initial" and rest not in known:
-            raise place.error(f"no joint {rest!r}; {suggest(rest, known)}")
-        if kind == "noise":
-            offered = find_hardware_interfaces(
-                robot.description, known, sensors=robot.sensors
-            )
-            at_place(place, functools.partial(check_noise, {rest: 0.0}, [offered]))
-        if kind == "motion" and study.motion is None:
-            raise place.error("there is no motion whose parameters could vary")
-        if kind in ("scale", "gains", "controller"):
-            at_place(place, functools.partial(change_robot, robot, {name: value}))
-        else:
-            one = {name: value}
+        _check_name(study, name, place)
+        ((_, numbers),) = place.mapping().items()
+        match how[0]:
+            case "values" | "choice":
+                tried = list(zip(numbers.list(), how[1], strict=True))
+            case "linspace":
+                points = _points(*how)
+                tried = [(place, points[0]), (place, points[-1])]
+            case _:
+                tried = [(place, first[name])]
+        for at, value in tried:
             try:
-                study.run_of(one)
+                if name.partition(".")[0] in ("scale", "gains", "controller"):
+                    change_robot(robot, {name: value})
+                else:
+                    study.run_of({name: value})
             except (ArmDrakeError, TypeError) as error:
-                raise place.error(str(error)) from None
+                raise at.error(str(error)) from None
+
+
+def _check_name(study: Study, name: str, place: Value) -> None:
+    """Raise InputError if the robot has nothing of a name that could vary."""
+    kind, _, rest = name.partition(".")
+    robot, known = study.robot, study.robot.initial_positions
+    if kind == "payload":
+        links = robot.description.links
+        at_place(place, functools.partial(check_link, rest, links))
+    if kind == "initial" and rest not in known:
+        raise place.error(f"no joint {rest!r}; {suggest(rest, known)}")
+    if kind == "noise":
+        offered = find_hardware_interfaces(
+            robot.description, known, sensors=robot.sensors
+        )
+        at_place(place, functools.partial(check_noise, {rest: 0.0}, [offered]))
+    if kind == "motion" and study.motion is None:
+        raise place.error("there is no motion whose parameters could vary")
 
 
 def _last(array: Array) -> Array:

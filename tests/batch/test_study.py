@@ -148,8 +148,14 @@ def test_the_command_runs_it_writes_and_goes_on(folder, capsys, monkeypatch) -> 
         (
             "scale.damping: {values: [1.0, 3.0]}",
             "options.state_delay: {values: [1.5]}",
-            "vary.options.state_delay: state_delay: expected an integer of at least 0",
+            "vary.options.state_delay.values[0]: state_delay: expected an integer of",
         ),
+        (
+            "scale.damping: {values: [1.0, 3.0]}",
+            "options.state_delay: {values: [1, 2, -1]}",
+            "vary.options.state_delay.values[2]: state_delay must be 0 to",
+        ),
+        ("seed: 7", "seed: 1.5", "seed: expected an integer, got 1.5"),
         ("draws: 3", "draw: 3", "unknown key 'draw'; did you mean 'draws'?"),
         ("draws: 3", "draws: 0", "draws: expected a finite number of at least 1, got"),
         ("draws: 3", "draws: 1.5", "draws: expected an integer, got 1.5"),
