@@ -255,8 +255,11 @@ def _robot_value(root: Value, fields: Mapping[str, Value]) -> Value:
         entries += value.node.value
     else:
         entries.append((_key("robot", value), value.node))
+    own = [getattr(key, "value", None) for key, _ in entries]
     for name in ("motion", "motion_parameters"):
         if name in fields:
+            if name in own:
+                raise fields[name].error("robot has one, too; expected one of them")
             entries.append((_key(name, fields[name]), fields[name].node))
     node = yaml.MappingNode("tag:yaml.org,2002:map", entries)
     node.start_mark, node.end_mark = value.node.start_mark, value.node.end_mark

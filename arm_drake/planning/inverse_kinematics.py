@@ -161,8 +161,7 @@ def solve_ik(
         pose: Where it should be in the world, as a transform or as x, y, z [m], roll,
             pitch, yaw [rad].
         seed: Positions [rad] or [m] to start from by joint, by default and for joints
-            that are left out the initial ones. Joints that don't carry the link stay
-            there.
+            that are left out the initial ones. Those that don't carry it stay there.
         group: The joints that may move, or the name of their planning group; by default
             all that carry the link.
         tolerance: What the pose may be missed by [m] and [rad].
@@ -177,6 +176,7 @@ def solve_ik(
         NoSolution: If none was found.
         InputError: If an argument can't be used.
     """
+    _check_flags(collision_free=collision_free, all_solutions=all_solutions)
     kinematics = _kinematics_of(robot)
     chosen = None if group is None else find_group(robot, group)
     target = _Target.of(read_pose(pose), find_mask(chosen, mask), tolerance)
@@ -189,15 +189,20 @@ def solve_ik(
     found, best = _search(chain, q, target, all_solutions, is_free, tries)
     if not found:
         raise _no_solution(robot, chain, target, best, q)
-    first = found[0]
+    end = found[0].end
     positions = [kinematics.named(chain.spread(q, f.end.values)) for f in found]
     return IkSolution(
         positions=positions[0],
-        tries=first.tries,
-        position_error=first.end.position_error,
-        orientation_error=first.end.orientation_error,
+        tries=found[0].tries,
+        position_error=end.position_error,
+        orientation_error=end.orientation_error,
         others=tuple(positions[1:]),
     )
+
+
+def _check_flags(**flags: object) -> None:
+    for name, value in flags.items():
+        check_type(name, value, bool | np.bool_, "True or False")
 
 
 def complete_positions(

@@ -155,6 +155,11 @@ def test_the_command_runs_it_writes_and_goes_on(folder, capsys, monkeypatch) -> 
             "options.state_delay: {values: [1, 2, -1]}",
             "vary.options.state_delay.values[2]: state_delay must be 0 to",
         ),
+        (
+            "robot: {",
+            "motion: other.yaml\nrobot: {motion: own.yaml, ",
+            "motion: robot has one, too; expected one of them",
+        ),
         ("seed: 7", "seed: 1.5", "seed: expected an integer, got 1.5"),
         ("draws: 3", "draw: 3", "unknown key 'draw'; did you mean 'draws'?"),
         ("draws: 3", "draws: 0", "draws: expected a finite number of at least 1, got"),

@@ -447,6 +447,10 @@ def test_what_is_no_robot_and_no_positions_by_name(planar: ad.Robot) -> None:
             lambda: planar.forward_kinematics([0.1, 0.2], "tip"),
             "positions: expected joint positions by name, got [0.1, 0.2]",
         ),
+        (
+            lambda: planar.solve_ik("tip", [1, 1, 0, 0, 0, 0], collision_free="no"),
+            "collision_free: expected True or False, got 'no'",
+        ),
     ]:
         with pytest.raises(InputError) as caught:
             wrong()
