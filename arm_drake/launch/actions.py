@@ -17,7 +17,7 @@ from typing import Any
 
 from arm_drake.launch.event_handlers import Event, EventHandler
 from arm_drake.launch.nodes import PACKAGES, find_role
-from arm_drake.launch.parameters import read_parameters, read_value
+from arm_drake.launch.parameters import Parameter, read_parameters, read_value
 from arm_drake.launch.substitutions import (
     LaunchContext,
     LaunchError,
@@ -235,15 +235,15 @@ class PushRosNamespace(Action):
 class SetParameter(Action):
     def __init__(self, name: Any, value: Any, **kwargs: Any) -> None:
         super().__init__(**kwargs)
-        self.name, self.value = name, value
+        self.parameter = Parameter(name, value)
 
     def execute(self, run: "LaunchRun") -> None:
-        run.context.parameters.append({self.name: self.value})
+        run.context.parameters.append(read_parameters(run.context, self.parameter))
 
 
-class SetUseSimTime(Action):
-    def execute(self, run: "LaunchRun") -> None:
-        run.context.parameters.append({"use_sim_time": self.args[0]})
+class SetUseSimTime(SetParameter):
+    def __init__(self, value: Any, **kwargs: Any) -> None:
+        super().__init__("use_sim_time", value, **kwargs)
 
 
 class SetParametersFromFile(Action):

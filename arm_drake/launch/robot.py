@@ -255,7 +255,9 @@ class LaunchedRobot:
         arguments = " ".join(f"{k}:={v}" for k, v in self.xacro_args.items())
         place = "" if self.pose is None else f" at {list(self.pose)}"
         lines = [
-            f"robot {self.chosen_name or ''}: {source} {arguments}".rstrip() + place
+            f"robot {self.chosen_name or ''}".rstrip()
+            + f": {source} {arguments}".rstrip()
+            + place
         ]
         lines += [f"  parameters: {path}" for path in self.controllers]
         lines += [f"  controller {name}: {s}" for name, s in self.spawned.items()]

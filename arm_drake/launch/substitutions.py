@@ -269,7 +269,7 @@ class Command(Substitution):
     def perform(self, context: LaunchContext) -> str:
         text = perform(context, self.command)
         try:
-            program, *words = shlex.split(text)
+            program, *words = _split_command(text)
         except ValueError:
             raise SubstitutionFailure(f"command {text!r}: no program's name") from None
         if program == "ros2" and words[:2] in (["run", "xacro"],):
@@ -281,6 +281,16 @@ class Command(Substitution):
         raise SubstitutionFailure(
             f"command {text!r} is not run; expected xacro FILE [NAME:=VALUE ...]"
         )
+
+
+def _split_command(text: str) -> list[str]:
+    """Return a command's words; of a shell's, those of what `tee` only copies."""
+    words = shlex.split(text)
+    if [os.path.basename(w) for w in words[:-1]] not in (["bash", "-c"], ["sh", "-c"]):
+        return words
+    first, *copies = words[-1].replace("\\\n", " ").split("|")
+    is_same = all(copy.split()[:1] == ["tee"] for copy in copies)
+    return shlex.split(first) if is_same else words
 
 
 class EnvironmentVariable(Substitution):

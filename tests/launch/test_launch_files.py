@@ -360,6 +360,104 @@ def test_xml_and_yaml_say_the_same(package: Path, text: str, suffix: str) -> Non
     assert names(plan) == ["own/hidden"]
 
 
+PARAMETERS_XML = """
+<launch>
+  <let name="rate" value="250"/>
+  <set_parameter name="update_rate" value="$(var rate)"/>
+  <set_parameters_from_file filename="$(var rate).yaml"/>
+  <set_use_sim_time value="true"/>
+  <let name="rate" value="3"/>
+  <node pkg="robot_state_publisher" exec="robot_state_publisher">
+    <param name="robot_description" value="$(command 'xacro $(var file)')"/>
+  </node>
+  <node pkg="controller_manager" exec="ros2_control_node"/>
+</launch>
+"""
+
+PARAMETERS_YAML = """
+launch:
+- let: {name: rate, value: "250"}
+- set_parameter: {name: update_rate, value: $(var rate)}
+- set_parameters_from_file: {filename: $(var rate).yaml}
+- set_use_sim_time: {value: true}
+- let: {name: rate, value: "3"}
+- group:
+    children:
+    - node:
+        pkg: robot_state_publisher
+        exec: robot_state_publisher
+        param:
+        - name: robot_description
+          value: "$(command 'xacro $(var file)')"
+- timer:
+    period: 1.0
+    children:
+    - node: {pkg: controller_manager, exec: ros2_control_node}
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "suffix"), [(PARAMETERS_XML, "xml"), (PARAMETERS_YAML, "yaml")]
+)
+def test_parameters_are_set_for_all_nodes_that_follow(
+    package: Path, text: str, suffix: str
+) -> None:
+    urdf = package / "urdf" / "pendulum.urdf.xacro"
+    path = write_launch(package, text, f"test.launch.{suffix}")
+
+    (robot,) = ad.load_launch(path, arguments={"file": str(urdf)}).robots
+
+    written, named = robot.controllers
+    data = yaml.safe_load(written.read_text(encoding="utf-8"))
+    assert data == {"controller_manager": {"ros__parameters": {"update_rate": 250}}}
+    assert named.name == "250.yaml"
+
+
+def test_what_a_shell_gives_to_xacro_and_only_copies_is_the_description(
+    package: Path,
+) -> None:
+    path = describe(
+        package,
+        """
+        publisher(["bash -c '", *XACRO, " \\\\\\n prefix:=a_ | tee a.urdf'"]),
+        """,
+    )
+
+    (robot,) = ad.load_launch(path).robots
+
+    assert robot.xacro_args == {"prefix": "a_"}
+    path = describe(package, """publisher(["sh -c '", *XACRO, " | sort'"]),""")
+    with pytest.raises(InputError, match="is not run; expected xacro FILE"):
+        ad.load_launch(path)
+
+
+def test_arguments_of_controllers_nodes_are_their_parameters(package: Path) -> None:
+    path = describe(
+        package,
+        """
+        publisher(), manager(),
+        spawner("forward", "--controller-ros-args", "-p interface_name:=velocity"),
+        spawner("arm_controller", "--controller-ros-args",
+                "--ros-args --params-file own.yaml"),
+        """,
+    )
+
+    (robot,) = ad.load_launch(path).robots
+
+    _, written, named = robot.controllers
+    data = yaml.safe_load(written.read_text(encoding="utf-8"))
+    assert data == {"forward": {"ros__parameters": {"interface_name": "velocity"}}}
+    assert named.name == "own.yaml"
+
+
+def test_a_process_that_is_not_run_is_reported_in_one_line(package: Path) -> None:
+    path = describe(package, """ExecuteProcess(cmd=["sed", "-e\\n  s|a|b|g"]),""")
+
+    (told,) = ad.load_launch(path).not_started
+
+    assert str(told) == "not started: process sed -e s|a|b|g"
+
+
 def test_files_of_parameters_are_rewritten_into_a_folder_of_the_plan(
     package: Path,
 ) -> None:
