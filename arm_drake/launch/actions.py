@@ -203,23 +203,16 @@ class GroupAction(Action):
             perform(context, name): perform(context, value)
             for name, value in self.launch_configurations.items()
         }
-        saved = (
-            dict(context.launch_configurations),
-            dict(os.environ),
-            list(context.parameters),
-            list(context.remappings),
-        )
+        scope, environment = context.copy_scope(), dict(os.environ)
         if not self.forwarding:
             context.launch_configurations.clear()
         context.launch_configurations.update(values)
-        for action in self.actions:
-            run.visit(action)
+        run.visit(self.actions)
         if self.scoped:
-            for variable in set(os.environ) - set(saved[1]):
+            for variable in set(os.environ) - set(environment):
                 del os.environ[variable]
-            os.environ.update(saved[1])
-            context.launch_configurations = saved[0]
-            context.parameters, context.remappings = saved[2], saved[3]
+            os.environ.update(environment)
+            context.set_scope(scope)
 
 
 class PushRosNamespace(Action):
@@ -307,8 +300,15 @@ class TimerAction(Action):
         except ValueError:
             problem = f"period {text!r} of a timer: expected seconds"
             raise LaunchError(problem) from None
-        run.later(period, functools.partial(run.visit, self.actions))
+        run.later(period, functools.partial(self._fire, run, run.context.copy_scope()))
         run.later(period, functools.partial(run.fire, "complete", self))
+
+    def _fire(self, run: "LaunchRun", scope: tuple[Any, ...]) -> None:
+        """Visit the actions in the scope of the timer, as launch 3.4.5 does."""
+        outer = run.context.copy_scope()
+        run.context.set_scope(scope)
+        run.visit(self.actions)
+        run.context.set_scope(outer)
 
 
 class Shutdown(Action):

@@ -78,6 +78,18 @@ class LaunchContext:
         made = self.descriptions[int(match[1])]
         return self.expand(made["file"], made["arguments"])
 
+    def copy_scope(self) -> tuple[Any, ...]:
+        """Return a copy of what actions have from those before them."""
+        return (
+            dict(self.launch_configurations),
+            list(self.parameters),
+            list(self.remappings),
+        )
+
+    def set_scope(self, scope: tuple[Any, ...]) -> None:
+        """Let actions that follow have what `copy_scope` returned."""
+        self.launch_configurations, self.parameters, self.remappings = scope
+
     def perform_substitution(self, substitution: Any) -> str:
         """Return the text that a substitution stands for."""
         return perform(self, substitution)

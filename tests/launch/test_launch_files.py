@@ -242,6 +242,34 @@ def test_groups_have_names_spaces_and_configurations_of_their_own(
     assert "prefix is outer_" in str(plan.report)
 
 
+def test_a_timer_has_the_name_space_and_the_configurations_of_its_group(
+    package: Path,
+) -> None:
+    path = describe(
+        package,
+        """
+        SetLaunchConfiguration("name", "outer"),
+        GroupAction([
+            PushRosNamespace("left"),
+            SetLaunchConfiguration("name", "forward"),
+            publisher(), manager(),
+            TimerAction(period=1.0, actions=[
+                spawner(LaunchConfiguration("name")),
+                SetLaunchConfiguration("name", "inner"),
+            ]),
+        ]),
+        TimerAction(period=2.0, actions=[
+            Node(package="own", executable=LaunchConfiguration("name")),
+        ]),
+        """,
+    )
+
+    plan = ad.load_launch(path)
+
+    assert states(plan) == {"forward": "active"}
+    assert names(plan) == ["own/outer"]
+
+
 @pytest.mark.slow
 def test_two_robots_run_beside_each_other(package: Path) -> None:
     path = describe(
