@@ -26,7 +26,7 @@ from arm_drake.description.joints import WORLD
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.parameters import DISTROS
 from arm_drake.description.plugin_control import add_plugins, plugin_joints
-from arm_drake.description.report import LoadReport, find_place
+from arm_drake.description.report import LoadReport, Places
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.sensors import add_contact_sensors, find_sensors
 from arm_drake.description.source_files import find_source_files
@@ -36,7 +36,7 @@ from arm_drake.description.urdf import (
     add_frames,
     parse_urdf,
 )
-from arm_drake.description.xacro import expand_xacro, read_sources
+from arm_drake.description.xacro import expand_xacro
 from arm_drake.errors import DescriptionError, InputError, check_type, suggest
 from arm_drake.hardware.drives import check_model
 from arm_drake.hardware.mobile_bases import RobotBases
@@ -209,8 +209,9 @@ class _Loading(NamedTuple):
     types: Mapping[str, ControllerType]
     report: LoadReport
 
-    # Files that xacro read.
+    # Files that xacro read, and where the elements of the description stand in them.
     files: set[Path]
+    places: Places
 
 
 def _start(
@@ -236,7 +237,9 @@ def _start(
         entry, bundled = next(iter(folders), Path.cwd()) / TEXT, None
     packages = PackageFinder(entry, folders, report)
     return _Loading(
-        entry, text, bundled, folders, packages, distro, name, types, report, set()
+        *(entry, text, bundled, folders, packages, distro, name, types, report),
+        set(),
+        Places(),
     )
 
 
@@ -247,7 +250,14 @@ def _read_description(
     entry, packages, report = loading.entry, loading.packages, loading.report
     xacro_args, text = dict(arguments["xacro_args"] or {}), loading.text
     if text is None:
-        text = expand_xacro(entry, xacro_args, packages, report, files=loading.files)
+        text = expand_xacro(
+            entry,
+            xacro_args,
+            packages,
+            report,
+            files=loading.files,
+            places=loading.places,
+        )
     else:
         check_text(text, xacro_args, entry)
     if arguments["frames"]:
@@ -262,8 +272,7 @@ def _read_description(
             max_faces=arguments["max_faces"],
         )
     except DescriptionError as error:
-        find = find_place(lambda: read_sources(entry, packages).files)
-        found = None if error.line else find(error.where or "")
+        found = None if error.line else loading.places.find(error.where or "")
         if found is None:
             raise
         raise DescriptionError(
@@ -359,7 +368,7 @@ def _make_robot(
 
 def _try(loading: _Loading, robot: Robot) -> None:
     """Record what controllers, model and bases lack, and the places of all lines."""
-    entry, packages, report = loading.entry, loading.packages, loading.report
+    report = loading.report
     hardware_interfaces = find_hardware_interfaces(
         robot.description,
         robot.initial_positions,
@@ -376,7 +385,7 @@ def _try(loading: _Loading, robot: Robot) -> None:
     )
     check_model(robot)
     RobotBases.of(robot).report(report)
-    report.add_lines(find_place(lambda: read_sources(entry, packages).files))
+    report.add_lines(loading.places.find)
 
 
 def _manager_name(description: RobotDescription) -> str:
