@@ -70,6 +70,27 @@ def test_what_is_not_spawned_does_not_run(package: Path) -> None:
 
 
 @pytest.mark.slow
+def test_what_is_not_spawned_and_can_not_run_is_left_out(package: Path) -> None:
+    config = package / "config" / "controllers.yaml"
+    text = config.read_text(encoding="utf-8")
+    text = text.replace("joints: [swing], interface", "joints: [gone], interface")
+    config.write_text(
+        text.replace("    forward:", "    own: {type: own/Own}\n    forward:")
+    )
+    path = describe(package, 'publisher(), manager(), spawner("arm_controller"),')
+
+    (robot,) = ad.load_launch(path).load_scene().robots
+
+    assert not robot.report.errors
+    known = [each.name for each in robot.controllers.controllers]
+    assert known == ["joint_state_broadcaster", "arm_controller"]
+    assert "no spawner loads own, forward; they are left out" in str(robot.report)
+    path = describe(package, 'publisher(), manager(), spawner("forward"),')
+    (robot,) = ad.load_launch(path).load_scene().robots
+    (error,) = robot.report.errors
+    assert (error.where, "no joint 'gone'" in error.what) == ("forward", True)
+
+
 def test_a_controller_without_parameters_is_reported(package: Path) -> None:
     path = describe(package, "publisher(), manager(), spawner('arm_controler'),")
     plan = ad.load_launch(path)
