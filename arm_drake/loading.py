@@ -26,7 +26,7 @@ from arm_drake.description.joints import WORLD
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.parameters import DISTROS
 from arm_drake.description.plugin_control import add_plugins, plugin_joints
-from arm_drake.description.report import LoadReport, find_place
+from arm_drake.description.report import LoadReport, Places
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.sensors import add_contact_sensors, find_sensors
 from arm_drake.description.source_files import find_source_files
@@ -36,7 +36,7 @@ from arm_drake.description.urdf import (
     add_frames,
     parse_urdf,
 )
-from arm_drake.description.xacro import expand_xacro, read_sources
+from arm_drake.description.xacro import expand_xacro
 from arm_drake.errors import DescriptionError, InputError, check_type, suggest
 from arm_drake.hardware.drives import check_model
 from arm_drake.hardware.mobile_bases import RobotBases
@@ -81,6 +81,7 @@ def load_robot(
     variables: Mapping[str, str] | None = None,
     distro: str = "jazzy",
     name: str | None = None,
+    namespace: str | None = None,
     pose: Sequence[float] | None = None,
     initial_positions: Mapping[str, float] | None = None,
     strict: bool = False,
@@ -109,6 +110,8 @@ def load_robot(
         variables: Values of `$(var NAME)` in the YAML.
         distro: ROS distribution whose controllers to follow.
         name: Name of the robot; by default the description's.
+        namespace: Name space of its controller manager, for YAML files that several
+            robots share; by default that of the Gazebo plugin tag, if it has one.
         pose: Pose of the base: x, y, z [m], roll, pitch, yaw [rad].
         initial_positions: Initial positions by joint [rad] or [m].
         strict: Whether every line of the load report is an error.
@@ -145,9 +148,7 @@ def _load(
     )
     loading = _start(arguments["source"], folders, distro, name, controller_types)
     description = _read_description(loading, arguments)
-    bridges, config = _read_controllers(
-        loading, description, arguments["controllers"], arguments["variables"]
-    )
+    bridges, config = _read_controllers(loading, description, arguments)
     description, config = _complete(loading, description, config)
     robot = _make_robot(loading, description, config, bridges, arguments)
     _try(loading, robot)
@@ -162,6 +163,7 @@ _EXPECTED: Mapping[str, tuple[Any, str]] = {
     "source": (_PATH, "a name, a path or the text of a URDF"),
     "distro": (str, "a name"),
     "name": (str, "a name"),
+    "namespace": (str, "a name space"),
     "pose": (Iterable, "x, y, z [m], roll, pitch, yaw [rad]"),
     "max_faces": (Integral, "an integer"),
     "xacro_args": (Mapping, "values by name"),
@@ -209,8 +211,9 @@ class _Loading(NamedTuple):
     types: Mapping[str, ControllerType]
     report: LoadReport
 
-    # Files that xacro read.
+    # Files that xacro read, and where the elements of the description stand in them.
     files: set[Path]
+    places: Places
 
 
 def _start(
@@ -236,7 +239,9 @@ def _start(
         entry, bundled = next(iter(folders), Path.cwd()) / TEXT, None
     packages = PackageFinder(entry, folders, report)
     return _Loading(
-        entry, text, bundled, folders, packages, distro, name, types, report, set()
+        *(entry, text, bundled, folders, packages, distro, name, types, report),
+        set(),
+        Places(),
     )
 
 
@@ -247,7 +252,14 @@ def _read_description(
     entry, packages, report = loading.entry, loading.packages, loading.report
     xacro_args, text = dict(arguments["xacro_args"] or {}), loading.text
     if text is None:
-        text = expand_xacro(entry, xacro_args, packages, report, files=loading.files)
+        text = expand_xacro(
+            entry,
+            xacro_args,
+            packages,
+            report,
+            files=loading.files,
+            places=loading.places,
+        )
     else:
         check_text(text, xacro_args, entry)
     if arguments["frames"]:
@@ -262,8 +274,7 @@ def _read_description(
             max_faces=arguments["max_faces"],
         )
     except DescriptionError as error:
-        find = find_place(lambda: read_sources(entry, packages).files)
-        found = None if error.line else find(error.where or "")
+        found = None if error.line else loading.places.find(error.where or "")
         if found is None:
             raise
         raise DescriptionError(
@@ -274,22 +285,22 @@ def _read_description(
 def _read_controllers(
     loading: _Loading,
     description: RobotDescription,
-    controllers: Source | Sequence[Source] | None,
-    variables: Mapping[str, str] | None,
+    arguments: Mapping[str, Any],
 ) -> tuple[Sequence[Path], ControllerManagerConfig]:
     """Return the YAML files of bridges, and what those of controllers configure."""
     bundled, packages, report = loading.bundled, loading.packages, loading.report
-    bridges, controllers = split_bridges(controllers)
+    bridges, controllers = split_bridges(arguments["controllers"])
     bridges = bridges or find_bridge_files(description, bundled, report)
     files = find_control_files(controllers, description, packages, bundled, report)
     if files is None:
         return bridges, default_controllers(description, report)
     return bridges, load_controllers_config(
         files,
-        dict(variables or {}),
+        dict(arguments["variables"] or {}),
         report,
         packages=packages,
         manager=_manager_name(description),
+        namespace=arguments["namespace"] or _namespace_of(description),
         plugins=gazebo_nodes(description),
     )
 
@@ -359,7 +370,7 @@ def _make_robot(
 
 def _try(loading: _Loading, robot: Robot) -> None:
     """Record what controllers, model and bases lack, and the places of all lines."""
-    entry, packages, report = loading.entry, loading.packages, loading.report
+    report = loading.report
     hardware_interfaces = find_hardware_interfaces(
         robot.description,
         robot.initial_positions,
@@ -376,7 +387,7 @@ def _try(loading: _Loading, robot: Robot) -> None:
     )
     check_model(robot)
     RobotBases.of(robot).report(report)
-    report.add_lines(find_place(lambda: read_sources(entry, packages).files))
+    report.add_lines(loading.places.find)
 
 
 def _manager_name(description: RobotDescription) -> str:
@@ -384,6 +395,13 @@ def _manager_name(description: RobotDescription) -> str:
     plugins = description.joint_plugins
     names = [p.manager for p in plugins if isinstance(p, Ros2ControlPlugin)]
     return names[0] if names else MANAGER
+
+
+def _namespace_of(description: RobotDescription) -> str:
+    """Return the name space in which the Gazebo plugin tag starts it."""
+    plugins = description.joint_plugins
+    names = [p.namespace for p in plugins if isinstance(p, Ros2ControlPlugin)]
+    return names[0] if names else ""
 
 
 def _has_free_base(

@@ -72,6 +72,16 @@ def parse_xml(text: str, file: Path) -> ET.Element:
     return root
 
 
+def lines_of_elements(text: str) -> list[int]:
+    """Return the line of each element of a text, as far as it is XML."""
+    lines: list[int] = []
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = lambda *tag: lines.append(parser.CurrentLineNumber)
+    with contextlib.suppress(expat.ExpatError):
+        parser.Parse(text, True)
+    return lines
+
+
 def explain_malformed(text: str, reason: str, line: int) -> str:
     """Return what is wrong with a text that is no XML, by expat's reason and line."""
     if not text.strip():

@@ -464,7 +464,7 @@ class PackageFinder:
                 f"{uri!r} can't be loaded; no file name holds a null byte"
             )
         if not separator:
-            return relative_to / uri
+            return self.real(relative_to / uri)
         if scheme == "file":
             # "file:////abs" and "file:///abs" both occur; both mean "/abs".
             return Path("/" + unquote(rest).lstrip("/"))
@@ -499,10 +499,15 @@ class PackageFinder:
         return (path, False) if found is None else (found, True)
 
     def real(self, path: Path) -> Path:
-        """Return where a file lies that `find` shows as installed."""
+        """Return where a file lies that `find` shows as installed, without `..`."""
         shown = self._installed
         if shown is None or not path.is_relative_to(shown):
-            return path
+            if ".." not in path.parts:
+                return path
+            plain = os.path.normpath(path)
+            # Behind a link `..` may lead elsewhere.
+            is_same = os.path.realpath(plain) == os.path.realpath(path)
+            return Path(plain) if is_same else path
         if os.path.exists(path):
             return path.resolve()
         name, *rest = path.relative_to(shown).parts

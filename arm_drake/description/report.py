@@ -4,6 +4,7 @@ import dataclasses as dc
 import functools
 import json
 import re
+import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Literal
@@ -181,80 +182,56 @@ class LoadReport:
         return f"LoadReport({json.dumps(self.to_json())})"
 
 
-# Places are written "link 'elbow'", "ros2_control 'arm', joint 'elbow'" and so on.
-_PLACE = re.compile(r"(link|joint|material|ros2_control|sensor) '([^']*)'")
+class Places:
+    """Where the elements of a description stand in the files that it was made of.
 
-_TAG = re.compile(
-    r"<(link|joint|material|ros2_control|sensor)\b[^>]*?"
-    r"\bname\s*=\s*(?:\"([^\"]+)\"|'([^']+)')"
-)
-
-# Joints in such blocks aren't those of the URDF; of Gazebo's the sensors are meant.
-_NO_SENSOR = re.compile(r"<(?!sensor\b)")
-_BLOCK = re.compile(
-    r"(<(ros2_control|transmission|gazebo)(?=[\s>])(?:\"[^\"]*\"|'[^']*'|[^>\"'])*(?<!/)>)"
-    r"(.*?)</\2\s*>",
-    re.DOTALL,
-)
-_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
-
-# Parts of a name that xacro computes.
-_COMPUTED = re.compile(r"\$\{[^}]*\}|\$\([^)]*\)")
-
-
-def find_place(
-    files: Callable[[], Sequence[Path]],
-) -> Callable[[str], tuple[Path, int] | None]:
-    """Return what finds file and line of a place in a description.
-
-    A name that xacro computes is found if only one tag can be meant.
+    `expand_xacro` fills it; names are looked for when somebody asks.
     """
-    exact: dict[tuple[str, str], tuple[Path, int]] = {}
-    computed: dict[str, list[tuple[re.Pattern[str], tuple[Path, int]]]] = {}
 
-    @functools.cache
-    def read() -> None:
-        for path in files():
-            for kind, name, line in _tags(path):
-                exact.setdefault((kind, name), (path, line))
-                parts = _COMPUTED.split(name)
-                if len(parts) > 1 and any(parts):
-                    pattern = re.compile(".*".join(map(re.escape, parts)))
-                    computed.setdefault(kind, []).append((pattern, (path, line)))
+    def __init__(self) -> None:
+        """Create it for a description without files, such as a text."""
+        # What xacro made of the files, and file and line of each of its elements, in
+        # the order of the text.
+        self.text = ""
+        self.of_elements: Sequence[tuple[Path, int] | None] = ()
 
-    def find(where: str) -> tuple[Path, int] | None:
-        match = _PLACE.match(where)
-        if match is None:
-            return None
-        read()
-        kind, name = match.groups()
-        if (kind, name) in exact:
-            return exact[kind, name]
-        possible = [
-            place
-            for pattern, place in computed.get(kind, ())
-            if pattern.fullmatch(name)
-        ]
-        return possible[0] if len(possible) == 1 else None
+    def find(self, where: str) -> tuple[Path, int] | None:
+        """Return file and line of the innermost element that a place names.
 
-    return find
+        Args:
+            where: A place, such as "ros2_control 'arm', joint 'elbow'".
+        """
+        while where and where not in self._by_name:
+            where = where.rpartition(", ")[0]
+        return self._by_name.get(where)
 
-
-def _without_joints(block: re.Match[str]) -> str:
-    if block[2] == "gazebo":
-        return block[1] + _NO_SENSOR.sub("", block[3])
-    return block[1] + "\n" * block[3].count("\n")
+    @functools.cached_property
+    def _by_name(self) -> dict[str, tuple[Path, int]]:
+        if not self.of_elements:
+            return {}
+        root = ET.fromstring(self.text)  # noqa: S314  It was read already.
+        places = dict(zip(root.iter(), self.of_elements, strict=True))
+        found: dict[str, tuple[Path, int]] = {}
+        for name, element in _named_elements(root):
+            place = places[element]
+            if place is not None:
+                found.setdefault(name, place)
+        return found
 
 
-def _tags(path: Path) -> Iterable[tuple[str, str, int]]:
-    """Yield kind, name and line of the tags that have places."""
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return
-    text = _COMMENT.sub(lambda comment: "\n" * comment[0].count("\n"), text)
-    text = _BLOCK.sub(_without_joints, text)
-    line, end = 1, 0
-    for match in _TAG.finditer(text):
-        line, end = line + text.count("\n", end, match.start()), match.start()
-        yield match[1], match[2] or match[3], line
+def _named_elements(root: ET.Element) -> Iterator[tuple[str, ET.Element]]:
+    """Yield what reports call elements: "link 'arm'", "link 'arm', visual 0"."""
+    for element in root:
+        name = f"{element.tag} '{element.get('name', '')}'"
+        yield name, element
+        numbers: dict[str, int] = {}
+        for child in element:
+            number = numbers[child.tag] = numbers.get(child.tag, -1) + 1
+            if element.tag == "ros2_control":
+                yield f"{name}, {child.tag} '{child.get('name', '')}'", child
+            elif element.tag == "link":
+                yield f"{name}, {child.tag} {number}", child
+        for tag in ("material", "sensor"):
+            if element.tag != "ros2_control":
+                for each in element.iter(tag):
+                    yield f"{tag} '{each.get('name', '')}'", each

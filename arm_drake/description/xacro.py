@@ -22,9 +22,9 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
-from arm_drake.description.elements import explain_malformed
+from arm_drake.description.elements import explain_malformed, lines_of_elements
 from arm_drake.description.packages import PackageFinder
-from arm_drake.description.report import LoadReport
+from arm_drake.description.report import LoadReport, Places
 from arm_drake.errors import (
     ArmDrakeError,
     DescriptionError,
@@ -172,16 +172,21 @@ def expand_xacro(
     report: LoadReport | None = None,
     *,
     files: set[Path] | None = None,
+    places: Places | None = None,
 ) -> str:
     """Return the URDF text that a file stands for; a plain URDF is its own.
 
-    Every file that is read is added to ``files``, also where the expansion fails.
+    Every file that is read is added to ``files``, also where the expansion fails;
+    ``places`` learns where the elements of the text stand.
     """
+    places = Places() if places is None else places
     files = set() if files is None else files
     files.add(path)
     text = _read(path)
     if "xacro" not in text and "$(" not in text:
         _check_unused(args, path, packages, report)
+        places.text = text
+        places.of_elements = [(path, line) for line in lines_of_elements(text)]
         return text
     answer = _run(path, args, packages)
     files.update(packages.real(Path(name)) for name in answer["opened"])
@@ -192,6 +197,11 @@ def expand_xacro(
             what = line.strip().removeprefix("warning: ")
             report.add("info", "ignored", what, "so says xacro", file=path)
     _check_unused(answer["unused"], path, packages, report)
+    real = [packages.real(Path(name)) for name in answer["place_files"]]
+    places.text = answer["text"]
+    places.of_elements = [
+        each and (real[each[0]], each[1]) for each in answer["places"]
+    ]
     return packages.real_paths(answer["text"])
 
 

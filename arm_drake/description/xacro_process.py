@@ -322,7 +322,7 @@ def _expand(
     vars(xacro).update(_global_symbols=_make_symbols())
     try:
         document = xacro.process_file(path, mappings=values, verbosity=0)
-        return {"text": str(document.toxml())}
+        return {"text": str(document.toxml()), **_places_of_elements(document)}
     # xacro evaluates what a file says, and answers a bad one with any exception.
     except Exception as error:
         return {
@@ -331,6 +331,20 @@ def _expand(
             "macros": sorted({_name(macro) for macro in xacro.macrostack or []}),
             **_locate(error),
         }
+
+
+def _places_of_elements(document: xml.dom.minidom.Document) -> dict[str, Any]:
+    """Return file and line of each element, in their order, each file told once."""
+    numbers: dict[str, int] = {}
+    places: list[tuple[int, int] | None] = []
+    for element in document.getElementsByTagName("*"):
+        place = _place(element)
+        if place is None:
+            places.append(None)
+        else:
+            file, line = place
+            places.append((numbers.setdefault(file, len(numbers)), line))
+    return {"place_files": list(numbers), "places": places}
 
 
 def _name(macro: Any) -> str:

@@ -17,7 +17,7 @@ from typing import Any
 
 from arm_drake.launch.event_handlers import Event, EventHandler
 from arm_drake.launch.nodes import PACKAGES, find_role
-from arm_drake.launch.parameters import read_parameters, read_value
+from arm_drake.launch.parameters import Parameter, read_parameters, read_value
 from arm_drake.launch.substitutions import (
     LaunchContext,
     LaunchError,
@@ -203,23 +203,16 @@ class GroupAction(Action):
             perform(context, name): perform(context, value)
             for name, value in self.launch_configurations.items()
         }
-        saved = (
-            dict(context.launch_configurations),
-            dict(os.environ),
-            list(context.parameters),
-            list(context.remappings),
-        )
+        scope, environment = context.copy_scope(), dict(os.environ)
         if not self.forwarding:
             context.launch_configurations.clear()
         context.launch_configurations.update(values)
-        for action in self.actions:
-            run.visit(action)
+        run.visit(self.actions)
         if self.scoped:
-            for variable in set(os.environ) - set(saved[1]):
+            for variable in set(os.environ) - set(environment):
                 del os.environ[variable]
-            os.environ.update(saved[1])
-            context.launch_configurations = saved[0]
-            context.parameters, context.remappings = saved[2], saved[3]
+            os.environ.update(environment)
+            context.set_scope(scope)
 
 
 class PushRosNamespace(Action):
@@ -235,15 +228,15 @@ class PushRosNamespace(Action):
 class SetParameter(Action):
     def __init__(self, name: Any, value: Any, **kwargs: Any) -> None:
         super().__init__(**kwargs)
-        self.name, self.value = name, value
+        self.parameter = Parameter(name, value)
 
     def execute(self, run: "LaunchRun") -> None:
-        run.context.parameters.append({self.name: self.value})
+        run.context.parameters.append(read_parameters(run.context, self.parameter))
 
 
-class SetUseSimTime(Action):
-    def execute(self, run: "LaunchRun") -> None:
-        run.context.parameters.append({"use_sim_time": self.args[0]})
+class SetUseSimTime(SetParameter):
+    def __init__(self, value: Any, **kwargs: Any) -> None:
+        super().__init__("use_sim_time", value, **kwargs)
 
 
 class SetParametersFromFile(Action):
@@ -307,8 +300,15 @@ class TimerAction(Action):
         except ValueError:
             problem = f"period {text!r} of a timer: expected seconds"
             raise LaunchError(problem) from None
-        run.later(period, functools.partial(run.visit, self.actions))
+        run.later(period, functools.partial(self._fire, run, run.context.copy_scope()))
         run.later(period, functools.partial(run.fire, "complete", self))
+
+    def _fire(self, run: "LaunchRun", scope: tuple[Any, ...]) -> None:
+        """Visit the actions in the scope of the timer, as launch 3.4.5 does."""
+        outer = run.context.copy_scope()
+        run.context.set_scope(scope)
+        run.visit(self.actions)
+        run.context.set_scope(outer)
 
 
 class Shutdown(Action):

@@ -112,9 +112,10 @@ def _from_yaml(tag: str, data: yaml.Node, loader: yaml.SafeLoader) -> _Element:
             name = str(key.value)
             if is_list:
                 element.children.append(_from_yaml(name, value, loader))
+            elif name == "children":
+                element.children.extend(_from_yaml(name, value, loader).children)
             elif _has_mappings(value):
                 inner = [_from_yaml(name, each, loader) for each in value.value]
-                inner = inner[0].children if name == "children" else inner
                 element.children.extend(inner)
             else:
                 found = loader.construct_object(value, deep=True)
@@ -267,7 +268,13 @@ _MAKERS: Mapping[str, Callable[[_Element], Any]] = {
     "set_env": _make_pair(actions.SetEnvironmentVariable),
     "append_env": _make_pair(actions.AppendEnvironmentVariable),
     "set_parameter": _make_set_parameter,
+    "set_parameters_from_file": lambda e: actions.SetParametersFromFile(
+        e.need("filename"), condition=e.condition
+    ),
     "set_remap": _make_pair(actions.SetRemap, "from", "to"),
+    "set_use_sim_time": lambda e: actions.SetUseSimTime(
+        parameters.ParameterValue(e.need("value")), condition=e.condition
+    ),
     "shutdown": lambda e: actions.Shutdown(condition=e.condition),
     "timer": _make_timer,
     "unset_env": lambda e: actions.UnsetEnvironmentVariable(

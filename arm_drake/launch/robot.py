@@ -6,17 +6,18 @@ import shutil
 import tempfile
 import weakref
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import yaml
 
 from arm_drake.description.bridge import TopicAlias
+from arm_drake.description.controllers import ControllerConfig
 from arm_drake.description.elements import parse_xml
 from arm_drake.description.entry import TEXT, text_of
 from arm_drake.description.packages import PackageFinder
-from arm_drake.description.report import LoadReport
+from arm_drake.description.report import LoadReport, ReportEntry
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.xacro import expand_xacro
 from arm_drake.errors import PackageError, suggest
@@ -144,6 +145,7 @@ class LaunchedRobot:
         own = options.pop("controllers", None) or self._files(package_paths)
         files = [*map(Path, own), *bridges]
         said: dict[str, Any] = {"name": name, "srdf": self.srdf}
+        said["namespace"] = self.namespace or None
         robot = load_robot(
             self.source,
             xacro_args=self.xacro_args,
@@ -158,6 +160,8 @@ class LaunchedRobot:
         namespace = self.namespace.strip("/")
         aliases = [each.to_alias(namespace) for each in self.remappings]
         robot = dc.replace(robot, topic_aliases=(*robot.topic_aliases, *aliases))
+        if self.is_controlled:
+            robot = _without_idle(robot, self.spawned)
         hold_files(robot, self.folder)
         return robot
 
@@ -255,12 +259,39 @@ class LaunchedRobot:
         arguments = " ".join(f"{k}:={v}" for k, v in self.xacro_args.items())
         place = "" if self.pose is None else f" at {list(self.pose)}"
         lines = [
-            f"robot {self.chosen_name or ''}: {source} {arguments}".rstrip() + place
+            f"robot {self.chosen_name or ''}".rstrip()
+            + f": {source} {arguments}".rstrip()
+            + place
         ]
         lines += [f"  parameters: {path}" for path in self.controllers]
         lines += [f"  controller {name}: {s}" for name, s in self.spawned.items()]
         lines += [f"  planning groups: {self.srdf}"] if self.srdf else []
         return lines
+
+
+def _without_idle(robot: Robot, spawned: Collection[str]) -> Robot:
+    """Leave out what can't run and nothing spawns; ROS never loads it."""
+
+    def has(controller: ControllerConfig, entry: ReportEntry) -> bool:
+        return f"{entry.where}.".startswith(f"{controller.name}.")
+
+    report, config = robot.report, robot.controllers
+    lost = [
+        each
+        for each in config.controllers
+        if not (each.plugins or each.name in spawned)
+        and any(has(each, entry) for entry in report.errors)
+    ]
+    if not lost:
+        return robot
+    others = LoadReport(e for e in report if not any(has(each, e) for each in lost))
+    what = f"no spawner loads {', '.join(each.name for each in lost)}"
+    done = "they are left out: they can't run here"
+    others.add("info", "ignored", what, done, file=lost[0].file)
+    kept = tuple(each for each in config.controllers if each not in lost)
+    return dc.replace(
+        robot, report=others, controllers=dc.replace(config, controllers=kept)
+    )
 
 
 class LaunchedModel(NamedTuple):

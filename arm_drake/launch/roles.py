@@ -8,6 +8,7 @@ import dataclasses as dc
 import functools
 import os
 import re
+import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -240,13 +241,13 @@ class Roles:
                 read = read_publication if words[2] == "pub" else read_goal
                 step = read(rest, float(record["time"]))
                 if step is None:
-                    self._leave_out(" ".join(words)[:200], "process")
+                    self._leave_out(" ".join(words), "process")
                 else:
                     self._steps.append(step)
             case ["rviz2", *rest]:
                 self._read_rviz({"arguments": rest})
             case _:
-                self._leave_out(" ".join(words)[:200], "process")
+                self._leave_out(" ".join(words), "process")
 
     def _read_gazebo(self, words: Sequence[str], record: Mapping[str, Any]) -> None:
         """Read the command line of Gazebo Classic."""
@@ -378,6 +379,7 @@ class Roles:
         self._parts.semantics.append((record["namespace"], srdf))
 
     def _leave_out(self, name: str, kind: str) -> None:
+        name = textwrap.shorten(name, 200, placeholder=" ...")
         self._not_started.append(NotStarted(name, kind))
 
     def _describe(
@@ -492,15 +494,16 @@ class Roles:
         )
         state = "inactive" if is_idle else "active"
         is_group = "--activate-as-group" in words
-        self._add_remappings(names, words, record)
+        files += tuple(self._read_ros_arguments(names, words, record))
         self._parts.spawners.append(
             Spawner(tuple(names), state, manager, files, is_group)
         )
 
-    def _add_remappings(
+    def _read_ros_arguments(
         self, names: Sequence[str], words: Sequence[str], record: Mapping[str, Any]
-    ) -> None:
-        """Take what a spawner's controllers call their topics."""
+    ) -> list[Path]:
+        """Take how a spawner's controllers call topics; return their parameters."""
+        files = []
         for text in all_values_of(words, "--controller-ros-args"):
             _, ros_arguments = split_ros_arguments(["--ros-args", *split_words(text)])
             for source, target in ros_arguments["remappings"]:
@@ -509,6 +512,12 @@ class Roles:
                 for each in sources:
                     remapping = Remapping(each, target, Path(record["file"]))
                     self._parts.remappings.append(remapping)
+            for parameters in ros_arguments["parameters"]:
+                if isinstance(parameters, str):
+                    files.append(self._finder.real(Path(parameters)))
+                else:
+                    files += [self._write_parameters(n, parameters) for n in names]
+        return files
 
     def _read_classic_spawn(self, record: Mapping[str, Any]) -> None:
         self._read_spawn(record, "gazebo")

@@ -78,6 +78,18 @@ class LaunchContext:
         made = self.descriptions[int(match[1])]
         return self.expand(made["file"], made["arguments"])
 
+    def copy_scope(self) -> tuple[Any, ...]:
+        """Return a copy of what actions have from those before them."""
+        return (
+            dict(self.launch_configurations),
+            list(self.parameters),
+            list(self.remappings),
+        )
+
+    def set_scope(self, scope: tuple[Any, ...]) -> None:
+        """Let actions that follow have what `copy_scope` returned."""
+        self.launch_configurations, self.parameters, self.remappings = scope
+
     def perform_substitution(self, substitution: Any) -> str:
         """Return the text that a substitution stands for."""
         return perform(self, substitution)
@@ -269,7 +281,7 @@ class Command(Substitution):
     def perform(self, context: LaunchContext) -> str:
         text = perform(context, self.command)
         try:
-            program, *words = shlex.split(text)
+            program, *words = _split_command(text)
         except ValueError:
             raise SubstitutionFailure(f"command {text!r}: no program's name") from None
         if program == "ros2" and words[:2] in (["run", "xacro"],):
@@ -281,6 +293,16 @@ class Command(Substitution):
         raise SubstitutionFailure(
             f"command {text!r} is not run; expected xacro FILE [NAME:=VALUE ...]"
         )
+
+
+def _split_command(text: str) -> list[str]:
+    """Return a command's words; of a shell's, those of what `tee` only copies."""
+    words = shlex.split(text)
+    if [os.path.basename(w) for w in words[:-1]] not in (["bash", "-c"], ["sh", "-c"]):
+        return words
+    first, *copies = words[-1].replace("\\\n", " ").split("|")
+    is_same = all(copy.split()[:1] == ["tee"] for copy in copies)
+    return shlex.split(first) if is_same else words
 
 
 class EnvironmentVariable(Substitution):

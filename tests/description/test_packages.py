@@ -259,7 +259,7 @@ def test_a_missing_package_is_named_with_the_nearest(tmp_path):
         ("model://arm/meshes/a.stl", "ws/arm/meshes/a.stl"),
         ("package://arm/meshes/a%20b.stl", "ws/arm/meshes/a b.stl"),
         ("meshes/a%20b.stl", "ws/arm/urdf/meshes/a%20b.stl"),
-        ("../meshes/a.stl", "ws/arm/urdf/../meshes/a.stl"),
+        ("../meshes/a.stl", "ws/arm/meshes/a.stl"),
         ("package://größe zwei/a b.stl", "ws/größe zwei/a b.stl"),
         ("package://gr%C3%B6%C3%9Fe%20zwei/a.stl", "ws/größe zwei/a.stl"),
     ],
@@ -414,3 +414,18 @@ def test_a_manifest_that_is_a_pipe_is_not_read(tmp_path):
 
     with within(10.0):
         assert PackageFinder(entry_of(package)).find("arm") == package
+
+
+def test_a_path_is_told_without_dots_but_behind_links(tmp_path):
+    entry = entry_of(add_package(tmp_path / "arm"))
+    entry.parent.mkdir()
+    other = tmp_path / "other" / "inner"
+    other.mkdir(parents=True)
+    (entry.parent / "link").symlink_to(other)
+    finder = PackageFinder(entry)
+
+    plain = finder.resolve("none/../../meshes/a.stl", entry.parent)
+    linked = finder.resolve("link/../a.stl", entry.parent)
+
+    assert plain == entry.parent.parent / "meshes" / "a.stl"
+    assert linked == entry.parent / "link" / ".." / "a.stl"

@@ -1,29 +1,43 @@
-"""Lines of links and joints in the files that make them."""
+"""Lines of elements in the files that a description is made of."""
+
+from pathlib import Path
 
 import pytest
 
-from arm_drake.description.report import find_place
+from arm_drake.description.packages import PackageFinder
+from arm_drake.description.report import Places
+from arm_drake.description.xacro import expand_xacro
 
-ENTRY = """<robot name="r">
+ENTRY = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:include filename="part.xacro"/>
   <link name="base"/>
   <joint type="fixed"
          name='weld'/>
-  <link name="${prefix}tip"/>
-  <link name="$(arg side)_hand"/>
-  <link name="${name}"/>
-  <link name="${a}_twin_1"/>
-  <ros2_control name="arm" type="system"/>
+  <xacro:arm name="a"/>
+  <xacro:arm name="b"/>
+  <xacro:if value="false"><link name="c_arm"/></xacro:if>
+  <ros2_control name="arm" type="system">
+    <xacro:drive name="weld"/>
+  </ros2_control>
 </robot>
 """
-PART = """<robot>
-  <link name="base"/>
-  <joint name="base" type="fixed"/>
-  <link name="${b}_twin_1"/>
+PART = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:macro name="arm" params="name">
+    <link name="${name}_arm">
+      <visual/>
+
+      <visual><material name="${name}"/></visual>
+    </link>
+    <xacro:element xacro:name="${'li' + 'nk'}" name="${name}"/>
+  </xacro:macro>
+  <xacro:macro name="drive" params="name">
+    <joint name="${name}"/>
+  </xacro:macro>
 </robot>
 """
 
-
-BLOCKS = """<robot name="r">
+PLAIN = """
+<robot name="r">
   <!-- <joint name="weld" type="fixed"/>
        <link name="tip"/> -->
   <ros2_control name="arm" type="system">
@@ -41,45 +55,55 @@ BLOCKS = """<robot name="r">
 """
 
 
+def places_of(entry: Path) -> Places:
+    places = Places()
+    expand_xacro(entry, {}, PackageFinder(entry), places=places)
+    return places
+
+
 @pytest.mark.parametrize(
     ("where", "line"),
     [
-        ("joint 'weld'", 12),
-        ("link 'tip'", 14),
-        ("ros2_control 'arm', joint 'weld'", 4),
-        ("sensor 'front'", 13),
+        ("joint 'weld'", 13),
+        ("link 'tip'", 15),
+        ("ros2_control 'arm', joint 'weld'", 6),
+        ("ros2_control 'arm', joint 'other'", 5),
+        ("sensor 'front'", 14),
     ],
 )
 def test_comments_and_joints_of_other_blocks_are_not_meant(tmp_path, where, line):
-    file = tmp_path / "entry"
-    file.write_text(BLOCKS, encoding="utf-8")
+    file = tmp_path / "entry.urdf"
+    file.write_text(PLAIN, encoding="utf-8")
 
-    assert find_place(lambda: [file])(where) == (file, line)
+    assert places_of(file).find(where) == (file, line)
 
 
 @pytest.mark.parametrize(
     ("where", "expected"),
     [
-        ("link 'base'", ("entry", 2)),
-        ("link 'base', visual 0", ("entry", 2)),
-        ("joint 'base'", ("part", 3)),
-        ("joint 'weld'", ("entry", 3)),
-        ("ros2_control 'arm', joint 'weld'", ("entry", 9)),
-        # Computed names.
-        ("link 'left_tip'", ("entry", 5)),
-        ("link 'left_hand'", ("entry", 6)),
-        # Nothing fits, or more than one.
-        ("link 'nope'", None),
-        ("link 'a_twin_1'", None),
+        ("link 'base'", ("entry.xacro", 3)),
+        ("link 'base', visual 0", ("entry.xacro", 3)),
+        ("joint 'weld'", ("entry.xacro", 4)),
+        # Of macros the line in the macro.
+        ("link 'a_arm'", ("part.xacro", 3)),
+        ("link 'b_arm', inertial", ("part.xacro", 3)),
+        ("link 'b_arm', visual 1", ("part.xacro", 6)),
+        ("link 'b_arm', visual 2", ("part.xacro", 3)),
+        ("material 'b'", ("part.xacro", 6)),
+        ("ros2_control 'arm', joint 'weld'", ("part.xacro", 11)),
+        ("link 'c_arm'", None),
         ("controller 'base'", None),
         ("", None),
     ],
 )
-def test_a_place_is_found_in_the_files(tmp_path, where, expected):
-    for name, text in (("entry", ENTRY), ("part", PART)):
+def test_a_place_is_found_in_the_file_that_makes_it(tmp_path, where, expected):
+    for name, text in (("entry.xacro", ENTRY), ("part.xacro", PART)):
         (tmp_path / name).write_text(text, encoding="utf-8")
-    files = [tmp_path / name for name in ("entry", "gone", "part")]
 
-    found = find_place(lambda: files)(where)
+    found = places_of(tmp_path / "entry.xacro").find(where)
 
     assert (found and (found[0].name, found[1])) == expected
+
+
+def test_a_text_has_no_places():
+    assert Places().find("link 'base'") is None

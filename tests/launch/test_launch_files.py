@@ -13,7 +13,7 @@ from arm_drake.launch.launch_files import load_arguments, show_arguments
 from arm_drake.messages import Twist, Vector3
 from arm_drake.planning.timing import motion_limits
 from tests.carts import cart, diff_drive
-from tests.launch.packages import describe, make_package, write_launch
+from tests.launch.packages import CONTROLLERS, describe, make_package, write_launch
 
 
 @pytest.fixture
@@ -70,6 +70,27 @@ def test_what_is_not_spawned_does_not_run(package: Path) -> None:
 
 
 @pytest.mark.slow
+def test_what_is_not_spawned_and_can_not_run_is_left_out(package: Path) -> None:
+    config = package / "config" / "controllers.yaml"
+    text = config.read_text(encoding="utf-8")
+    text = text.replace("joints: [swing], interface", "joints: [gone], interface")
+    config.write_text(
+        text.replace("    forward:", "    own: {type: own/Own}\n    forward:")
+    )
+    path = describe(package, 'publisher(), manager(), spawner("arm_controller"),')
+
+    (robot,) = ad.load_launch(path).load_scene().robots
+
+    assert not robot.report.errors
+    known = [each.name for each in robot.controllers.controllers]
+    assert known == ["joint_state_broadcaster", "arm_controller"]
+    assert "no spawner loads own, forward; they are left out" in str(robot.report)
+    path = describe(package, 'publisher(), manager(), spawner("forward"),')
+    (robot,) = ad.load_launch(path).load_scene().robots
+    (error,) = robot.report.errors
+    assert (error.where, "no joint 'gone'" in error.what) == ("forward", True)
+
+
 def test_a_controller_without_parameters_is_reported(package: Path) -> None:
     path = describe(package, "publisher(), manager(), spawner('arm_controler'),")
     plan = ad.load_launch(path)
@@ -242,6 +263,34 @@ def test_groups_have_names_spaces_and_configurations_of_their_own(
     assert "prefix is outer_" in str(plan.report)
 
 
+def test_a_timer_has_the_name_space_and_the_configurations_of_its_group(
+    package: Path,
+) -> None:
+    path = describe(
+        package,
+        """
+        SetLaunchConfiguration("name", "outer"),
+        GroupAction([
+            PushRosNamespace("left"),
+            SetLaunchConfiguration("name", "forward"),
+            publisher(), manager(),
+            TimerAction(period=1.0, actions=[
+                spawner(LaunchConfiguration("name")),
+                SetLaunchConfiguration("name", "inner"),
+            ]),
+        ]),
+        TimerAction(period=2.0, actions=[
+            Node(package="own", executable=LaunchConfiguration("name")),
+        ]),
+        """,
+    )
+
+    plan = ad.load_launch(path)
+
+    assert states(plan) == {"forward": "active"}
+    assert names(plan) == ["own/outer"]
+
+
 @pytest.mark.slow
 def test_two_robots_run_beside_each_other(package: Path) -> None:
     path = describe(
@@ -259,6 +308,33 @@ def test_two_robots_run_beside_each_other(package: Path) -> None:
         each.name for each in simulation.list_controllers() if each.state == "active"
     }
     assert {"left/arm_controller", "right/arm_controller"} <= found
+
+
+def test_robots_that_share_a_file_get_what_is_for_their_name_space(
+    package: Path,
+) -> None:
+    config = package / "config" / "controllers.yaml"
+    text = f"/**:{CONTROLLERS.replace(chr(10), chr(10) + '  ')}\n"
+    config.write_text(
+        text + "/right/arm_controller: {ros__parameters: {open_loop_control: true}}\n"
+    )
+    path = describe(
+        package,
+        """
+        *[GroupAction([PushRosNamespace(side), publisher(XACRO), manager()])
+          for side in ("left", "right")],
+        """,
+    )
+
+    robots = ad.load_launch(path).load_scene().robots
+
+    found = [
+        "open_loop_control" in each.parameters
+        for robot in robots
+        for each in robot.controllers.controllers
+        if each.name == "arm_controller"
+    ]
+    assert found == [False, True]
 
 
 def test_functions_and_included_files(package: Path) -> None:
@@ -358,6 +434,104 @@ def test_xml_and_yaml_say_the_same(package: Path, text: str, suffix: str) -> Non
     assert (robot.namespace, robot.spawned) == ("left", {"forward": "inactive"})
     assert robot.controllers == (package / "config" / "controllers.yaml",)
     assert names(plan) == ["own/hidden"]
+
+
+PARAMETERS_XML = """
+<launch>
+  <let name="rate" value="250"/>
+  <set_parameter name="update_rate" value="$(var rate)"/>
+  <set_parameters_from_file filename="$(var rate).yaml"/>
+  <set_use_sim_time value="true"/>
+  <let name="rate" value="3"/>
+  <node pkg="robot_state_publisher" exec="robot_state_publisher">
+    <param name="robot_description" value="$(command 'xacro $(var file)')"/>
+  </node>
+  <node pkg="controller_manager" exec="ros2_control_node"/>
+</launch>
+"""
+
+PARAMETERS_YAML = """
+launch:
+- let: {name: rate, value: "250"}
+- set_parameter: {name: update_rate, value: $(var rate)}
+- set_parameters_from_file: {filename: $(var rate).yaml}
+- set_use_sim_time: {value: true}
+- let: {name: rate, value: "3"}
+- group:
+    children:
+    - node:
+        pkg: robot_state_publisher
+        exec: robot_state_publisher
+        param:
+        - name: robot_description
+          value: "$(command 'xacro $(var file)')"
+- timer:
+    period: 1.0
+    children:
+    - node: {pkg: controller_manager, exec: ros2_control_node}
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "suffix"), [(PARAMETERS_XML, "xml"), (PARAMETERS_YAML, "yaml")]
+)
+def test_parameters_are_set_for_all_nodes_that_follow(
+    package: Path, text: str, suffix: str
+) -> None:
+    urdf = package / "urdf" / "pendulum.urdf.xacro"
+    path = write_launch(package, text, f"test.launch.{suffix}")
+
+    (robot,) = ad.load_launch(path, arguments={"file": str(urdf)}).robots
+
+    written, named = robot.controllers
+    data = yaml.safe_load(written.read_text(encoding="utf-8"))
+    assert data == {"controller_manager": {"ros__parameters": {"update_rate": 250}}}
+    assert named.name == "250.yaml"
+
+
+def test_what_a_shell_gives_to_xacro_and_only_copies_is_the_description(
+    package: Path,
+) -> None:
+    path = describe(
+        package,
+        """
+        publisher(["bash -c '", *XACRO, " \\\\\\n prefix:=a_ | tee a.urdf'"]),
+        """,
+    )
+
+    (robot,) = ad.load_launch(path).robots
+
+    assert robot.xacro_args == {"prefix": "a_"}
+    path = describe(package, """publisher(["sh -c '", *XACRO, " | sort'"]),""")
+    with pytest.raises(InputError, match="is not run; expected xacro FILE"):
+        ad.load_launch(path)
+
+
+def test_arguments_of_controllers_nodes_are_their_parameters(package: Path) -> None:
+    path = describe(
+        package,
+        """
+        publisher(), manager(),
+        spawner("forward", "--controller-ros-args", "-p interface_name:=velocity"),
+        spawner("arm_controller", "--controller-ros-args",
+                "--ros-args --params-file own.yaml"),
+        """,
+    )
+
+    (robot,) = ad.load_launch(path).robots
+
+    _, written, named = robot.controllers
+    data = yaml.safe_load(written.read_text(encoding="utf-8"))
+    assert data == {"forward": {"ros__parameters": {"interface_name": "velocity"}}}
+    assert named.name == "own.yaml"
+
+
+def test_a_process_that_is_not_run_is_reported_in_one_line(package: Path) -> None:
+    path = describe(package, """ExecuteProcess(cmd=["sed", "-e\\n  s|a|b|g"]),""")
+
+    (told,) = ad.load_launch(path).not_started
+
+    assert str(told) == "not started: process sed -e s|a|b|g"
 
 
 def test_files_of_parameters_are_rewritten_into_a_folder_of_the_plan(

@@ -498,8 +498,7 @@ class _Conversion:
         try:
             content = read_bytes(self.source)
         except FileNotFoundError:
-            hint = suggest_file(self.source)
-            return self._lose("missing", f"doesn't exist{hint}")
+            return self._lose_missing()
         except OSError as error:
             return self._lose("invalid", f"can't be read ({error.strerror})")
         if not content:
@@ -624,9 +623,17 @@ class _Conversion:
         where, file = self.where, self.file
         self.report.add(severity, kind, what, done, where=where, file=file)
 
-    def _lose(self, kind: Kind, problem: str) -> _Paths:
+    def _lose_missing(self) -> _Paths:
+        """Report a file that isn't there; all of a folder that isn't are one line."""
+        hint, folder = suggest_file(self.source), self.source.parent
+        if folder.is_dir() or "did you mean" in hint:
+            return self._lose("missing", f"doesn't exist{hint}")
+        whose = f"mesh files are to lie in {str(folder)!r},"
+        return self._lose("missing", "a folder that doesn't exist", whose)
+
+    def _lose(self, kind: Kind, problem: str, mesh: str | None = None) -> _Paths:
         severity, done = describe_loss(is_visual=self.mode == "visual")
-        self._add(severity, kind, f"{self._mesh} {problem}", done)
+        self._add(severity, kind, f"{mesh or self._mesh} {problem}", done)
         return ()
 
     @property

@@ -355,6 +355,19 @@ def test_a_missing_file_is_reported(converter):
     assert [entry.kind for entry in converter.report] == ["missing", "missing"]
 
 
+def test_missing_files_of_a_missing_folder_are_one_line(converter):
+    folder = converter.folder / "none"
+
+    for name in ("a.stl", "b.stl"):
+        assert converter.collision(folder / name) is None
+
+    (line,) = converter.report.grouped()
+    assert str(line) == (
+        f"error: link 'a', collision 0: mesh files are to lie in '{folder}', "
+        "a folder that doesn't exist; nothing collides with it"
+    )
+
+
 BAD_FILES = [
     ("a.stl", b"version https://git-lfs.github.com/spec/v1\n",
      "can't be read (a Git LFS pointer, fetch it with `git lfs pull`)"),
