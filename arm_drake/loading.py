@@ -95,37 +95,35 @@ def load_robot(
 
     Args:
         source: Name of a bundled robot, `example:NAME` (needs the extra `robots`), a
-            `.urdf` or `.xacro` file, a package folder, or the text of a URDF, as
-            `/robot_description` has it. Relative file names in a text are looked for
-            in the first of ``package_paths``, else in the working directory.
+            `.urdf` or `.xacro` file, a package folder, or a URDF's text, whose relative
+            file names start in the first of ``package_paths``, else where we are.
         controllers: Controllers YAML files. By default the one that the description
             names in its Gazebo plugin tag, else the one in the package's config folder
             if there is exactly one. A robot with neither YAML nor control tags gets a
-            joint trajectory controller of all its independent joints.
-            A YAML of a ros_gz_bridge among them gives topics their names in ROS;
-            without one it is that in the package's config folder.
+            joint trajectory controller of all its independent joints. A YAML of a
+            ros_gz_bridge among them gives topics their names in ROS; without one it is
+            that in the package's config folder.
         xacro_args: Values of xacro arguments.
         package_paths: Folders to search for packages, with all that lies below them.
             The description's surroundings are searched in any case.
         variables: Values of `$(var NAME)` in the YAML.
         distro: ROS distribution whose controllers to follow.
         name: Name of the robot; by default the description's.
-        namespace: Name space of its controller manager, for YAML files that several
-            robots share; by default that of the Gazebo plugin tag, if it has one.
+        namespace: That of its controller manager, for YAML files that robots share;
+            by default the one in the Gazebo plugin tag, if any.
         pose: Pose of the base: x, y, z [m], roll, pitch, yaw [rad].
         initial_positions: Initial positions by joint [rad] or [m].
         strict: Whether every line of the load report is an error.
-        decompose: Whether a collision mesh becomes several convex parts, not one convex
-            hull; it needs the extra `decompose`, and minutes when it is first done.
+        decompose: Whether a collision mesh becomes several convex parts, not one hull;
+            it needs the extra `decompose`, and minutes when it is first done.
         max_faces: Triangles of each mesh that is drawn, at most; needs the extra
             `decimate`. By default meshes are drawn as they are.
-        controller_types: Controller types of this robot alone, by the names that its
-            YAML calls them; they come before all others.
+        controller_types: Controller types of this robot alone, by name in its YAML;
+            they come before all others.
         frames: Frames fixed to links, such as the point of a tool, by name: the link,
             and x, y, z [m], roll, pitch, yaw [rad] in it. Each is a link without mass.
-        srdf: SRDF files of MoveIt for this robot, with the `joint_limits.yaml` beside
-            them. By default those with its name in its package and in the
-            `moveit_config` packages around it.
+        srdf: SRDF files of MoveIt for it, with the `joint_limits.yaml` beside them. By
+            default those of its name in its and the `moveit_config` packages around.
 
     Raises:
         MissingExtraError: If an extra is needed that isn't installed.
