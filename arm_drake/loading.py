@@ -81,6 +81,7 @@ def load_robot(
     variables: Mapping[str, str] | None = None,
     distro: str = "jazzy",
     name: str | None = None,
+    namespace: str | None = None,
     pose: Sequence[float] | None = None,
     initial_positions: Mapping[str, float] | None = None,
     strict: bool = False,
@@ -109,6 +110,7 @@ def load_robot(
         variables: Values of `$(var NAME)` in the YAML.
         distro: ROS distribution whose controllers to follow.
         name: Name of the robot; by default the description's.
+        namespace: That of its controller manager; by default the Gazebo plugin tag's.
         pose: Pose of the base: x, y, z [m], roll, pitch, yaw [rad].
         initial_positions: Initial positions by joint [rad] or [m].
         strict: Whether every line of the load report is an error.
@@ -120,9 +122,8 @@ def load_robot(
             YAML calls them; they come before all others.
         frames: Frames fixed to links, such as the point of a tool, by name: the link,
             and x, y, z [m], roll, pitch, yaw [rad] in it. Each is a link without mass.
-        srdf: SRDF files of MoveIt for this robot, with the `joint_limits.yaml` beside
-            them. By default those with its name in its package and in the
-            `moveit_config` packages around it.
+        srdf: SRDF files of MoveIt, with the `joint_limits.yaml` beside them; by default
+            those with its name in its package and `moveit_config` packages around.
 
     Raises:
         MissingExtraError: If an extra is needed that isn't installed.
@@ -145,9 +146,7 @@ def _load(
     )
     loading = _start(arguments["source"], folders, distro, name, controller_types)
     description = _read_description(loading, arguments)
-    bridges, config = _read_controllers(
-        loading, description, arguments["controllers"], arguments["variables"]
-    )
+    bridges, config = _read_controllers(loading, description, arguments)
     description, config = _complete(loading, description, config)
     robot = _make_robot(loading, description, config, bridges, arguments)
     _try(loading, robot)
@@ -162,6 +161,7 @@ _EXPECTED: Mapping[str, tuple[Any, str]] = {
     "source": (_PATH, "a name, a path or the text of a URDF"),
     "distro": (str, "a name"),
     "name": (str, "a name"),
+    "namespace": (str, "a name space"),
     "pose": (Iterable, "x, y, z [m], roll, pitch, yaw [rad]"),
     "max_faces": (Integral, "an integer"),
     "xacro_args": (Mapping, "values by name"),
@@ -283,22 +283,22 @@ def _read_description(
 def _read_controllers(
     loading: _Loading,
     description: RobotDescription,
-    controllers: Source | Sequence[Source] | None,
-    variables: Mapping[str, str] | None,
+    arguments: Mapping[str, Any],
 ) -> tuple[Sequence[Path], ControllerManagerConfig]:
     """Return the YAML files of bridges, and what those of controllers configure."""
     bundled, packages, report = loading.bundled, loading.packages, loading.report
-    bridges, controllers = split_bridges(controllers)
+    bridges, controllers = split_bridges(arguments["controllers"])
     bridges = bridges or find_bridge_files(description, bundled, report)
     files = find_control_files(controllers, description, packages, bundled, report)
     if files is None:
         return bridges, default_controllers(description, report)
     return bridges, load_controllers_config(
         files,
-        dict(variables or {}),
+        dict(arguments["variables"] or {}),
         report,
         packages=packages,
         manager=_manager_name(description),
+        namespace=arguments["namespace"] or _namespace_of(description),
         plugins=gazebo_nodes(description),
     )
 
@@ -393,6 +393,13 @@ def _manager_name(description: RobotDescription) -> str:
     plugins = description.joint_plugins
     names = [p.manager for p in plugins if isinstance(p, Ros2ControlPlugin)]
     return names[0] if names else MANAGER
+
+
+def _namespace_of(description: RobotDescription) -> str:
+    """Return the name space in which the Gazebo plugin tag starts it."""
+    plugins = description.joint_plugins
+    names = [p.namespace for p in plugins if isinstance(p, Ros2ControlPlugin)]
+    return names[0] if names else ""
 
 
 def _has_free_base(

@@ -358,11 +358,14 @@ def load_controllers(
     *,
     packages: PackageFinder | None = None,
     manager: str = MANAGER,
+    namespace: str = "",
     plugins: Collection[str] = (),
 ) -> ControllerManagerConfig:
     """Return what controllers YAML files configure; a later one overrides."""
     reader = ParameterReader(variables, report, packages)
     sections = [section for file in files for section in reader.read(file)]
+    if namespace.strip("/"):
+        sections = _without_others(sections, f"/{namespace.strip('/')}")
     if not any(section.name == MANAGER for section in sections):
         sections = [_renamed(section, manager) for section in sections]
     namespaces = _namespaces(sections)
@@ -583,6 +586,21 @@ class ManagedControllers:
         kinds: dict[Severity, Kind] = {"info": "unsupported", "warning": "missing"}
         kind = kinds.get(severity, "invalid")
         self._report.add(severity, kind, what, done, where=where, at=parameter)
+
+
+def _without_others(sections: list[Section], namespace: str) -> list[Section]:
+    """Leave out what is for nodes of other name spaces, if this one has a manager.
+
+    Robots may share a file. What has no name space is taken for any.
+    """
+    if not any(section.matches(f"{namespace}/{MANAGER}") for section in sections):
+        return sections
+    return [
+        section
+        for section in sections
+        if not section.namespace
+        or section.matches(f"{namespace}/{section.name.replace('*', '_')}")
+    ]
 
 
 def _renamed(section: Section, manager: str) -> Section:

@@ -145,6 +145,7 @@ class LaunchedRobot:
         own = options.pop("controllers", None) or self._files(package_paths)
         files = [*map(Path, own), *bridges]
         said: dict[str, Any] = {"name": name, "srdf": self.srdf}
+        said["namespace"] = self.namespace or None
         robot = load_robot(
             self.source,
             xacro_args=self.xacro_args,

@@ -1037,6 +1037,51 @@ FURTHER = (
 )
 
 
+SHARED = f"""\
+{TWO}
+/**/hold:
+  ros__parameters: {{of: all}}
+hold:
+  ros__parameters: {{at: root}}
+/left/hold:
+  ros__parameters: {{of: left}}
+/*/right/hold:
+  ros__parameters: {{of: deeper}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("namespace", "names", "hold"),
+    [
+        ("right", ["hold", "leg"], {"of": "all", "at": "root"}),
+        ("/left/", ["arm", "arm2", "hold"], {"of": "left", "at": "root"}),
+    ],
+)
+def test_of_a_name_space_only_its_own_manager_counts(tmp_path, namespace, names, hold):
+    file = tmp_path / "a.yaml"
+    file.write_text(SHARED, encoding="utf-8")
+    report = LoadReport()
+
+    config = load_controllers([file], {}, report, namespace=namespace)
+
+    found = {c.name: c for c in config.controllers}
+    assert list(found) == names
+    values = {key: each.value for key, each in found["hold"].parameters.items()}
+    assert values == hold
+    assert not report
+
+
+def test_a_name_space_without_a_manager_of_its_own_takes_them_all(load, tmp_path):
+    _, lines = load(TWO)
+
+    config = load_controllers(
+        [tmp_path / "0.yaml"], {}, LoadReport(), namespace="other"
+    )
+
+    assert FURTHER in lines
+    assert len(config.controllers) == 5
+
+
 def test_controllers_of_several_managers_are_all_taken(load):
     config, lines = load(TWO)
 

@@ -13,7 +13,7 @@ from arm_drake.launch.launch_files import load_arguments, show_arguments
 from arm_drake.messages import Twist, Vector3
 from arm_drake.planning.timing import motion_limits
 from tests.carts import cart, diff_drive
-from tests.launch.packages import describe, make_package, write_launch
+from tests.launch.packages import CONTROLLERS, describe, make_package, write_launch
 
 
 @pytest.fixture
@@ -308,6 +308,33 @@ def test_two_robots_run_beside_each_other(package: Path) -> None:
         each.name for each in simulation.list_controllers() if each.state == "active"
     }
     assert {"left/arm_controller", "right/arm_controller"} <= found
+
+
+def test_robots_that_share_a_file_get_what_is_for_their_name_space(
+    package: Path,
+) -> None:
+    config = package / "config" / "controllers.yaml"
+    text = f"/**:{CONTROLLERS.replace(chr(10), chr(10) + '  ')}\n"
+    config.write_text(
+        text + "/right/arm_controller: {ros__parameters: {open_loop_control: true}}\n"
+    )
+    path = describe(
+        package,
+        """
+        *[GroupAction([PushRosNamespace(side), publisher(XACRO), manager()])
+          for side in ("left", "right")],
+        """,
+    )
+
+    robots = ad.load_launch(path).load_scene().robots
+
+    found = [
+        "open_loop_control" in each.parameters
+        for robot in robots
+        for each in robot.controllers.controllers
+        if each.name == "arm_controller"
+    ]
+    assert found == [False, True]
 
 
 def test_functions_and_included_files(package: Path) -> None:
