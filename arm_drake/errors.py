@@ -128,6 +128,10 @@ def first_names(names: Sequence[str], most: int) -> str:
     return ", ".join(names[:most]) + more
 
 
+# So much alike are a word and the one that was meant: "val" and "value" just so.
+MISSPELT = 0.75
+
+
 def _likeness(name: str, other: str) -> float:
     """Return how alike two names are, from 0 to 1."""
     return difflib.SequenceMatcher(None, other, name).ratio()

@@ -437,6 +437,14 @@ LIFTED_BALL = models.LIFT.replace("</inertial>", f"</inertial>{models.sphere(0.1
 LIFT_CONTROLLERS = models.trajectory_controllers({"arm": ["slide"]})
 
 
+def test_links_of_other_robots_are_reported_with_the_robot() -> None:
+    one, two = (ad.load_robot(LIFTED_BALL, name=name) for name in ("one", "two"))
+
+    report = ad.Simulation(ad.build_diagram([one, two], world="void")).report
+
+    assert "in the initial pose: load and two/load; they pass" in str(report)
+
+
 def num_shapes(diagram: Diagram) -> int:
     """Return how many shapes may collide."""
     scene_graph = diagram.GetSubsystemByName("scene_graph")

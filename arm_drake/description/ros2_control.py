@@ -21,7 +21,7 @@ from arm_drake.description.elements import (
     text_of,
 )
 from arm_drake.description.report import LoadReport
-from arm_drake.errors import quoted, suggest
+from arm_drake.errors import MISSPELT, quoted, suggest
 
 
 @dc.dataclass(frozen=True)
@@ -228,10 +228,8 @@ _BLOCK_ATTRIBUTES = ("name", "type", "rw_rate", "is_async", "thread_priority")
 _BLOCK_CHILDREN = ("hardware", "properties", "joint", "sensor", "gpio", "transmission")
 _INTERFACES = ("command_interface", "state_interface")
 
-# Parameters of an interface that are read; drivers have others. So much alike is what
-# was meant to be one.
+# Parameters of an interface that are read; drivers have others.
 _NUMBERS = ("min", "max", "initial_value")
-_MISSPELT = 0.8
 
 # Command interfaces of Gazebo Classic, and the names under which it offers them.
 _PID_INTERFACES = {"position_pid": "position", "velocity_pid": "velocity"}
@@ -388,7 +386,7 @@ class _BlockReader(ElementReader):
         self.check(element, ["name", "data_type", "size"], ["param", "limits"], inside)
         parameters = self.parameters(element, inside)
         for key in parameters if is_numeric else ():
-            close = difflib.get_close_matches(key, _NUMBERS, 1, _MISSPELT)
+            close = difflib.get_close_matches(key, _NUMBERS, 1, MISSPELT)
             for meant in close if key not in _NUMBERS else ():
                 what = f"<param> {key!r}; did you mean {meant!r}?"
                 self.note("warning", "ignored", what, "it has no effect", inside)

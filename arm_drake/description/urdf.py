@@ -48,7 +48,7 @@ from arm_drake.description.ros2_control import (
     read_hardware,
     report_hardware,
 )
-from arm_drake.errors import DescriptionError, InputError, counted, suggest
+from arm_drake.errors import MISSPELT, DescriptionError, InputError, counted, suggest
 
 if TYPE_CHECKING:
     from arm_drake.description.perception_sensors import PerceptionSensor
@@ -324,9 +324,6 @@ _MEANINGS = {
 
 _NOTHING = "it has no effect"
 
-# So much alike are a word and the one that was meant: "val" and "value" just so.
-_MISSPELT = 0.75
-
 
 class _Ignored(NamedTuple):
     """A kind of thing that isn't read."""
@@ -371,7 +368,7 @@ def _unread(element: ET.Element, above: str) -> Iterator[_Ignored]:
         # Not of another name space.
         if path in _READ and name not in _READ[path] and not name.startswith("{"):
             lacking = [other for other in _READ[path] if other not in element.attrib]
-            close = difflib.get_close_matches(name, lacking, 1, _MISSPELT)
+            close = difflib.get_close_matches(name, lacking, 1, MISSPELT)
             yield _Ignored(path, name, repr(close[0]) if close else "")
     for child in element:
         yield from _unread(child, path)
@@ -383,7 +380,7 @@ def _meant_tag(path: str) -> str:
     above, _, tag = path.rpartition("/")
     known = [each.rpartition("/") for each in (*_READ, *_OTHERS, *_MEANINGS)]
     tags = [other for parent, _, other in known if parent == above]
-    close = difflib.get_close_matches(tag, tags, 1, _MISSPELT)
+    close = difflib.get_close_matches(tag, tags, 1, MISSPELT)
     return f"<{close[0]}>" if close and path not in _MEANINGS else ""
 
 

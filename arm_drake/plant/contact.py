@@ -216,6 +216,8 @@ def separate(
             model = body.model_instance()
             if model in found:
                 name = "the world" if other.index() == world_index() else other.name()
+                if (owner := other.model_instance()) in {*found} - {model}:
+                    name = f"{plant.GetModelInstanceName(owner)}/{name}"
                 found[model].add(f"{body.name()} and {name}")
     robots = {model: sorted(texts) for model, texts in found.items()}
     return Overlaps(robots, merged, parted)
