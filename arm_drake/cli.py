@@ -199,6 +199,7 @@ def load_robot_of(
         distro=options.distro,
         name=options.name,
         pose=getattr(options, "pose", None),
+        namespace=options.namespace,
         initial_positions=initial,
         decompose=options.decompose,
         max_faces=getattr(options, "max_faces", None),

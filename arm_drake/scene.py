@@ -596,6 +596,7 @@ _FILES: Mapping[str, Callable[[Value], Any]] = {
 _LOAD_OPTIONS: Mapping[str, Callable[[Value], Any]] = {
     **_FILES,
     "name": Value.text,
+    "namespace": Value.text,
     "pose": Value.pose,
     "initial": _numbers,
     "xacro_args": _texts,

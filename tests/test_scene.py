@@ -156,6 +156,27 @@ def test_each_robot_has_its_motion_in_its_own_time(tmp_path: Path) -> None:
     assert scene.motion.duration == 0.5
 
 
+def test_a_robot_has_the_controllers_of_its_name_space(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(models.TWO_LINKS)
+    kind = "forward_command_controller/ForwardCommandController"
+    own = "joints: [elbow], interface_name: position"
+    sections = [
+        f"/{side}:\n  controller_manager:\n    ros__parameters:\n"
+        f"      {side}_arm: {{type: {kind}}}\n"
+        f"  {side}_arm:\n    ros__parameters: {{{own}}}\n"
+        for side in ("left", "right")
+    ]
+    (tmp_path / "both.yaml").write_text("".join(sections))
+    robot = "{robot: arm.urdf, controllers: both.yaml, namespace: right}"
+
+    scene = load(tmp_path, f"robots: [{robot}]")
+    scene.save(tmp_path / "again.yaml")
+
+    for each in (scene, ad.load_scene(tmp_path / "again.yaml")):
+        names = [c.name for c in each.robots[0].controllers.controllers]
+        assert names == ["right_arm"]
+
+
 def test_a_saved_scene_is_loaded_as_it_was(scene: Scene, folder: Path) -> None:
     scene.save(folder / "again.yaml")
 

@@ -465,6 +465,7 @@ def add_replay_arguments(parser: argparse.ArgumentParser) -> None:
         controllers=None,
         var=[],
         distro="jazzy",
+        namespace=None,
         decompose=False,
         log=None,
         json=False,
@@ -696,6 +697,8 @@ def add_loading_arguments(parser: argparse.ArgumentParser) -> None:
     add("--srdf", metavar="FILE", action="append", help=text)
     add("--distro", default="jazzy", help="ROS distribution (jazzy)")
     add("--name", help="name of the robot")
+    text = "name space of its controller manager, where robots share a YAML"
+    add("--namespace", metavar="NAME", help=text)
 
 
 def loading_words(options: argparse.Namespace) -> list[str]:
@@ -707,7 +710,10 @@ def loading_words(options: argparse.Namespace) -> list[str]:
             words.append(f"--{name.replace('_', '-')}={text}")
     words += ["--decompose"] if options.decompose else []
     words += [] if options.distro == "jazzy" else [f"--distro={options.distro}"]
-    return words if options.name is None else [*words, f"--name={options.name}"]
+    for name in ("name", "namespace"):
+        value = getattr(options, name)
+        words += [] if value is None else [f"--{name}={value}"]
+    return words
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:

@@ -93,13 +93,14 @@ def _with_loading(options: argparse.Namespace, plan: LaunchPlan) -> LaunchPlan:
     """Return a plan whose robots are loaded as the command line says."""
     loading = {
         "name": options.name,
+        "namespace": options.namespace,
         "controllers": options.controllers,
         "variables": dict(options.var),
         "frames": read_frames(options.add_frame),
         "srdf": options.srdf,
     }
     loading = {name: value for name, value in loading.items() if value}
-    for word in ("name", "controllers", "add_frame", "srdf"):
+    for word in ("name", "namespace", "controllers", "add_frame", "srdf"):
         if getattr(options, word) and len(plan.robots) != 1:
             text = f"--{word.replace('_', '-')} is for one robot; it starts "
             raise InputError(f"{text}{len(plan.robots)}", file=plan.file)

@@ -135,6 +135,7 @@ _OF_SCENES = (
     "package_path",
     "var",
     "name",
+    "namespace",
     "decompose",
     "max_faces",
     "add_frame",

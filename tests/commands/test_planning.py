@@ -149,12 +149,13 @@ def test_what_plays_a_plan_loads_the_robot_as_the_plan_did() -> None:
     words += ["--controllers", "other file.yaml", "--var", "a=b=c", "--var", "d="]
     words += ["--add-frame", "tip=link6,-1,0,0.1", "--package-path=-folder"]
     words += ["--srdf", "a.srdf", "--distro", "humble", "--name", "arm", "--decompose"]
+    words += ["--namespace", "left"]
     planned = parse_arguments(["plan", *words, "--to", "home"])
 
     played = parse_arguments(["sim", *loading_words(planned)])
 
     alike = ("robot", "xacro_args", "controllers", "package_path", "var", "decompose")
-    for name in (*alike, "add_frame", "srdf", "distro", "name"):
+    for name in (*alike, "add_frame", "srdf", "distro", "name", "namespace"):
         assert getattr(played, name) == getattr(planned, name)
     assert played.package_path == ["-folder"]
     assert played.add_frame == [("tip", "link6,-1,0,0.1")]
