@@ -14,7 +14,7 @@ import dataclasses as dc
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,13 +27,14 @@ from arm_drake.description.elements import (
 )
 from arm_drake.description.gazebo_plugins import (
     KINDS,
-    DiffDrive,
     GazeboRosDiffDrive,
     JointPlugin,
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
+    MecanumDrive,
     OdometryPublisher,
+    WheelDrive,
 )
 from arm_drake.description.joints import JointInfo
 from arm_drake.description.report import LoadReport
@@ -51,7 +52,7 @@ _SENSORS = re.compile(r"(gz-sim|ignition-gazebo)\d*-sensors-system")
 
 # Libraries that move a robot, and for which nothing stands in.
 _MOVING = re.compile(
-    r"(gz-sim|ignition-gazebo)\d*-(ackermann-steering|mecanum-drive|tracked-vehicle"
+    r"(gz-sim|ignition-gazebo)\d*-(ackermann-steering|tracked-vehicle"
     r"|track-controller|velocity-control|trajectory-follower|thruster"
     r"|multicopter-[a-z-]+|apply-link-wrench)-system"
     r"|gazebo_ros_(ackermann_drive|tricycle_drive|planar_move|force|hand_of_god)"
@@ -349,9 +350,8 @@ class _FieldReader(ElementReader):
             return f"joint_index {typed.joint_index}: a joint has one axis, of index 0"
         if isinstance(typed, OdometryPublisher):
             return _odometry_problem(typed)
-        if isinstance(typed, DiffDrive):
-            separations, radii = (typed.wheel_separation,), (typed.wheel_radius,)
-            return _measure_problem(separations, radii) or _topics_problem(typed)
+        if isinstance(typed, WheelDrive):
+            return _drive_problem(typed)
         if isinstance(typed, GazeboRosDiffDrive):
             return _classic_problem(plugin, typed)
         return None
@@ -366,7 +366,15 @@ def _odometry_problem(typed: OdometryPublisher) -> str | None:
     return _topics_problem(typed)
 
 
-def _topics_problem(typed: OdometryPublisher | DiffDrive) -> str | None:
+def _drive_problem(typed: WheelDrive) -> str | None:
+    lengths = {"wheel_separation": (typed.wheel_separation,)}
+    if isinstance(typed, MecanumDrive):
+        lengths["wheelbase"] = (typed.wheelbase,)
+    lengths["wheel_radius"] = (typed.wheel_radius,)
+    return _measure_problem(lengths) or _topics_problem(typed)
+
+
+def _topics_problem(typed: OdometryPublisher | WheelDrive) -> str | None:
     """Return what is wrong with the names of topics of two types."""
     odom, tf = (name.strip("/") for name in (typed.odom_topic, typed.tf_topic))
     return f"odom_topic and tf_topic are both {odom!r}" if odom and odom == tf else None
@@ -389,14 +397,14 @@ def _classic_problem(plugin: GazeboPlugin, typed: GazeboRosDiffDrive) -> str | N
         acceleration = typed.max_wheel_acceleration
         return f"max_wheel_acceleration: expected at least 0, got {acceleration:g}"
     diameters = tuple(2.0 * radius for radius in typed.radii)
-    return _measure_problem(typed.separations, diameters, "wheel_diameter")
+    return _measure_problem(
+        {"wheel_separation": typed.separations, "wheel_diameter": diameters}
+    )
 
 
-def _measure_problem(
-    separations: Sequence[float], sizes: Sequence[float], noun: str = "wheel_radius"
-) -> str | None:
-    """Return why a base with such wheels can't drive, or None."""
-    for name, values in (("wheel_separation", separations), (noun, sizes)):
+def _measure_problem(lengths: Mapping[str, Sequence[float]]) -> str | None:
+    """Return why a base with such measures can't drive, or None."""
+    for name, values in lengths.items():
         for value in values:
             if not 0.0 < value < math.inf:
                 return f"{name}: expected a length above 0 m, got {value:g}"

@@ -8,8 +8,8 @@ Sources of the fields and of their defaults:
 - gz-sim, src/systems: joint_position_controller/JointPositionController.{hh,cc},
   joint_controller/JointController.{hh,cc}, apply_joint_force/ApplyJointForce.cc,
   joint_trajectory_controller/JointTrajectoryController.{hh,cc}, joint_state_publisher/
-  JointStatePublisher.{hh,cc}, diff_drive/DiffDrive.cc, odometry_publisher/
-  OdometryPublisher.cc, contact/Contact.cc
+  JointStatePublisher.{hh,cc}, diff_drive/DiffDrive.cc, mecanum_drive/MecanumDrive.cc,
+  odometry_publisher/OdometryPublisher.cc, contact/Contact.cc
 - gazebo_ros_pkgs, branch ros2, gazebo_plugins/src:
   gazebo_ros_joint_state_publisher.cpp,
   gazebo_ros_joint_pose_trajectory.cpp, gazebo_ros_diff_drive.cpp, gazebo_ros_bumper.cpp
@@ -253,12 +253,9 @@ class GazeboRosJointPoseTrajectory(JointPlugin):
     remappings: tuple[str, ...] = tags("ros/remapping", "ros/argument")
 
 
-@dc.dataclass(frozen=True)
-class DiffDrive(JointPlugin):
-    """Drives wheels on two sides by velocity commands."""
-
-    left_joints: tuple[str, ...] = joint_tags("left_joint")
-    right_joints: tuple[str, ...] = joint_tags("right_joint")
+@dc.dataclass(frozen=True, kw_only=True)
+class WheelDrive(JointPlugin):
+    """What Gazebo Sim's plugins that drive bases on wheels have in common."""
 
     # [m].
     wheel_separation: float = 1.0
@@ -280,7 +277,28 @@ class DiffDrive(JointPlugin):
     min_jerk: float = -math.inf
     max_jerk: float = math.inf
 
-    # The same of one of the two; NaN is the limit of both.
+    # Empty: "<model>/odom" and "<model>/<base link>".
+    frame_id: str = ""
+    child_frame_id: str = ""
+
+    # The link that the robot hangs from.
+    base_link: str = tags(default="")
+
+    @property
+    def driven_joints(self) -> tuple[str, ...]:
+        """Joints of wheels that it turns."""
+        return ()
+
+    @property
+    def steered_joints(self) -> tuple[str, ...]:
+        """Joints by which it steers."""
+        return ()
+
+
+@dc.dataclass(frozen=True, kw_only=True)
+class LimitedDrive(WheelDrive):
+    """One that has limits of linear and of turning speed; NaN is the limit of both."""
+
     min_linear_velocity: float = math.nan
     max_linear_velocity: float = math.nan
     min_linear_acceleration: float = math.nan
@@ -294,12 +312,42 @@ class DiffDrive(JointPlugin):
     min_angular_jerk: float = math.nan
     max_angular_jerk: float = math.nan
 
-    # Empty: "<model>/odom" and "<model>/<base link>".
-    frame_id: str = ""
-    child_frame_id: str = ""
 
-    # The link that the robot hangs from.
-    base_link: str = tags(default="")
+@dc.dataclass(frozen=True)
+class DiffDrive(LimitedDrive):
+    """Drives wheels on two sides by velocity commands."""
+
+    left_joints: tuple[str, ...] = joint_tags("left_joint")
+    right_joints: tuple[str, ...] = joint_tags("right_joint")
+
+    @property
+    def driven_joints(self) -> tuple[str, ...]:
+        """Joints of wheels that it turns."""
+        return (*self.left_joints, *self.right_joints)
+
+
+@dc.dataclass(frozen=True)
+class MecanumDrive(LimitedDrive):
+    """Drives mecanum wheels at four corners by velocity commands."""
+
+    front_left_joints: tuple[str, ...] = joint_tags("front_left_joint")
+    front_right_joints: tuple[str, ...] = joint_tags("front_right_joint")
+    back_left_joints: tuple[str, ...] = joint_tags("back_left_joint")
+    back_right_joints: tuple[str, ...] = joint_tags("back_right_joint")
+
+    # Distance of the axles [m].
+    wheelbase: float = 1.0
+
+    @property
+    def corners(self) -> tuple[tuple[str, ...], ...]:
+        """The joints of each corner: front left, front right, back left, back right."""
+        front = (self.front_left_joints, self.front_right_joints)
+        return (*front, self.back_left_joints, self.back_right_joints)
+
+    @property
+    def driven_joints(self) -> tuple[str, ...]:
+        """Joints of wheels that it turns."""
+        return tuple(joint for corner in self.corners for joint in corner)
 
 
 @dc.dataclass(frozen=True)
@@ -348,6 +396,16 @@ class GazeboRosDiffDrive(JointPlugin):
     wheel_links: tuple[tuple[str, str], ...] = tags()
 
     @property
+    def driven_joints(self) -> tuple[str, ...]:
+        """Joints of wheels that it turns."""
+        return (*self.left_joints, *self.right_joints)
+
+    @property
+    def steered_joints(self) -> tuple[str, ...]:
+        """Joints by which it steers: none."""
+        return ()
+
+    @property
     def separations(self) -> tuple[float, ...]:
         """Distance of the wheels of each pair [m]."""
         return self._per_pair(self.wheel_separation, 0.34)
@@ -371,6 +429,7 @@ KINDS: Mapping[str, type[JointPlugin]] = {
     "joint_trajectory_controller": JointTrajectoryController,
     "joint_state_publisher": JointStatePublisher,
     "diff_drive": DiffDrive,
+    "mecanum_drive": MecanumDrive,
     "odometry_publisher": OdometryPublisher,
     "gazebo_ros_joint_state_publisher": GazeboRosJointStatePublisher,
     "gazebo_ros_joint_pose_trajectory": GazeboRosJointPoseTrajectory,

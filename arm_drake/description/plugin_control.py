@@ -29,7 +29,9 @@ from arm_drake.description.gazebo_plugins import (
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
+    MecanumDrive,
     OdometryPublisher,
+    WheelDrive,
 )
 from arm_drake.description.joints import WORLD, JointInfo, JointLimits
 from arm_drake.description.parameters import Parameter
@@ -43,7 +45,7 @@ OneOfJoints: TypeAlias = (
     | ApplyJointForce
     | JointTrajectoryController
 )
-Driving: TypeAlias = DiffDrive | GazeboRosDiffDrive
+Driving: TypeAlias = WheelDrive | GazeboRosDiffDrive
 Moving: TypeAlias = OneOfJoints | Driving | GazeboRosJointPoseTrajectory
 
 # Plugins that run as controllers.
@@ -161,10 +163,17 @@ class PluginSorter:
     ) -> list[PluginTag]:
         """Return a plugin of fewer wheels; none and a line if they can't drive."""
         driving = _keep_wheels(plugin, own_joints)
-        if driving.left_joints and driving.right_joints:
-            wheels = dict.fromkeys((*driving.left_joints, *driving.right_joints))
-            return [PluginTag(driving, tuple(wheels))]
-        self._report(plugin, ("no wheels are left on both sides", "it is left out"))
+        empty = [
+            field.metadata["tags"][0]
+            for field in dc.fields(driving)
+            if field.metadata.get("joints") and not getattr(driving, field.name)
+        ]
+        if not empty:
+            return [PluginTag(driving, tuple(_moved_by(driving)))]
+        what = "no wheels are left on both sides"
+        if not isinstance(plugin, DiffDrive | GazeboRosDiffDrive):
+            what = f"no joints are left of {', '.join(f'<{tag}>' for tag in empty)}"
+        self._report(plugin, (what, "it is left out"))
         return []
 
     def _find_problem(
@@ -230,14 +239,16 @@ def _with_joints(
 
 def _keep_wheels(plugin: Driving, own_joints: Collection[str]) -> Driving:
     """Return a plugin with these wheels alone; in Classic they go in pairs."""
-    left, right = plugin.left_joints, plugin.right_joints
-    if set(left + right) <= set(own_joints):
+    if set(_moved_by(plugin)) <= set(own_joints):
         return plugin
-    if isinstance(plugin, DiffDrive):
-        left, right = (
-            tuple(n for n in side if n in own_joints) for side in (left, right)
-        )
-        return dc.replace(plugin, left_joints=left, right_joints=right)
+    if not isinstance(plugin, GazeboRosDiffDrive):
+        changes: dict[str, Any] = {
+            field.name: tuple(n for n in getattr(plugin, field.name) if n in own_joints)
+            for field in dc.fields(plugin)
+            if field.metadata.get("joints")
+        }
+        return dc.replace(plugin, **changes)
+    left, right = plugin.left_joints, plugin.right_joints
     pairs = list(enumerate(zip(left, right, strict=True)))
     at = [k for k, pair in pairs if set(pair) <= set(own_joints)]
     return dc.replace(
@@ -250,6 +261,11 @@ def _keep_wheels(plugin: Driving, own_joints: Collection[str]) -> Driving:
     )
 
 
+def _moved_by(plugin: Driving) -> list[str]:
+    """Return the joints that a drive turns, each once, then those that it steers."""
+    return list(dict.fromkeys((*plugin.driven_joints, *plugin.steered_joints)))
+
+
 def _joints_of(plugin: JointPlugin, movable: Collection[str]) -> list[str]:
     """Return the joints that a plugin asks for."""
     if not isinstance(plugin, Moving):
@@ -257,8 +273,7 @@ def _joints_of(plugin: JointPlugin, movable: Collection[str]) -> list[str]:
     if isinstance(plugin, GazeboRosJointPoseTrajectory):
         return list(movable)
     if isinstance(plugin, Driving):
-        wheels = dict.fromkeys((*plugin.left_joints, *plugin.right_joints))
-        return [name for name in wheels if name in movable]
+        return [name for name in _moved_by(plugin) if name in movable]
     names = [name for name in dict.fromkeys(plugin.joint_names) if name in movable]
     if isinstance(plugin, JointTrajectoryController):
         return names or list(movable)
@@ -280,6 +295,7 @@ PLUGIN_TYPES: dict[type[RunPlugin], str] = {
     JointTrajectoryController: "gz::sim::systems::JointTrajectoryController",
     JointStatePublisher: "gz::sim::systems::JointStatePublisher",
     DiffDrive: "gz::sim::systems::DiffDrive",
+    MecanumDrive: "gz::sim::systems::MecanumDrive",
     OdometryPublisher: "gz::sim::systems::OdometryPublisher",
     GazeboRosJointPoseTrajectory: "gazebo_plugins/GazeboRosJointPoseTrajectory",
     GazeboRosJointStatePublisher: "gazebo_plugins/GazeboRosJointStatePublisher",
@@ -377,11 +393,11 @@ def _with_torques(
         if isinstance(plugin, GazeboRosDiffDrive):
             found, torque = list(tag.joints), plugin.max_wheel_torque
             what, more = "gazebo_ros_diff_drive turns", "; they have no velocity limit"
-        elif isinstance(plugin, DiffDrive):
+        elif isinstance(plugin, WheelDrive):
             found = [n for n in tag.joints if joints[n].limits.effort is None]
             weight = _GRAVITY * total_mass(description)
             torque, more = _GRIP * weight * plugin.wheel_radius, ""
-            what = "DiffDrive has wheels without an effort limit:"
+            what = f"{type(plugin).__name__} has wheels without an effort limit:"
         else:
             continue
         for name in found:

@@ -471,7 +471,7 @@ class RobotBases:
             bases = find_bases(description, robot.controllers)
         rolling = bases if has_physics else ()
         axles = find_axles(description, rolling)
-        rollers = find_rollers(description, robot.controllers, rolling)
+        rollers = find_rollers(description, rolling)
         return cls(robot, bases, tuple(axles), tuple(rollers))
 
     def describe(self) -> RobotDescription:

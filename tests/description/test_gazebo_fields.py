@@ -14,6 +14,7 @@ from arm_drake.description.gazebo_plugins import (
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
+    MecanumDrive,
     Ros2ControlPlugin,
 )
 from arm_drake.description.report import LoadReport
@@ -24,6 +25,7 @@ VELOCITY = "gz-sim-joint-controller-system"
 TRAJECTORY = "gz-sim-joint-trajectory-controller-system"
 STATES = "gz-sim-joint-state-publisher-system"
 DRIVE = "gz-sim-diff-drive-system"
+MECANUM = "gz-sim-mecanum-drive-system"
 CLASSIC_STATES = "libgazebo_ros_joint_state_publisher.so"
 CLASSIC_TRAJECTORY = "libgazebo_ros_joint_pose_trajectory.so"
 CLASSIC_DRIVE = "libgazebo_ros_diff_drive.so"
@@ -402,3 +404,74 @@ def test_other_plugins_are_passed_over_and_the_rest_keep_their_order():
     found = read_joint_plugins(plugins, ["j"], LoadReport(), Path("arm.urdf"))
 
     assert found == (JointStatePublisher(), JointPositionController(("j",)))
+
+
+CORNERS = tuple(
+    (f"{corner}_joint", joint)
+    for corner, joint in (
+        *(("front_left", "j"), ("front_right", "k")),
+        *(("back_left", "j"), ("back_right", "k")),
+    )
+)
+
+
+def test_a_mecanum_drive_has_the_defaults_of_its_source():
+    (drive,), lines = read(MECANUM, *CORNERS)
+
+    # MecanumDrive.hh.
+    assert drive == MecanumDrive(
+        *(("j",), ("k",), ("j",), ("k",)),
+        wheel_separation=1.0,
+        wheelbase=1.0,
+        wheel_radius=0.2,
+        odom_publish_frequency=50.0,
+    )
+    assert lines == []
+
+
+@pytest.mark.parametrize(
+    ("fields", "expected"),
+    [
+        (
+            (*CORNERS[:3], ("back_right_joint", "kk")),
+            [
+                "error: arm.urdf: Gazebo plugin 'p': the robot has no joint 'kk'; "
+                "did you mean 'k'? known: j, k; the joint is left out",
+                "error: arm.urdf: Gazebo plugin 'p': the robot has none of its joints: "
+                "kk; the plugin is left out",
+            ],
+        ),
+        (
+            CORNERS[:3],
+            [
+                "error: arm.urdf: Gazebo plugin 'p': no joint; expected "
+                "<back_right_joint>; the plugin is left out"
+            ],
+        ),
+        (
+            (*CORNERS, ("wheelbase", "0")),
+            [
+                "error: arm.urdf: Gazebo plugin 'p': wheelbase: expected a length "
+                "above 0 m, got 0; the plugin is left out"
+            ],
+        ),
+        (
+            (*CORNERS, ("odom_topic", "/o"), ("tf_topic", "o")),
+            [
+                "error: arm.urdf: Gazebo plugin 'p': odom_topic and tf_topic are both "
+                "'o'; the plugin is left out"
+            ],
+        ),
+    ],
+)
+def test_a_mecanum_drive_that_can_t_drive_is_left_out(fields, expected):
+    assert read(MECANUM, *fields) == ((), expected)
+
+
+def test_a_tag_that_a_mecanum_drive_does_not_know_is_named():
+    (_,), lines = read(MECANUM, *CORNERS, ("wheel_base", "0.4"))
+
+    assert lines == [
+        "info: arm.urdf: Gazebo plugin 'p': unknown tags: wheel_base; they have no "
+        "effect"
+    ]

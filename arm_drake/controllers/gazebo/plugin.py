@@ -29,7 +29,6 @@ from arm_drake.arrays import Array
 from arm_drake.description.gazebo_plugins import (
     ApplyJointForce,
     ContactSensorTag,
-    DiffDrive,
     GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
@@ -38,6 +37,7 @@ from arm_drake.description.gazebo_plugins import (
     JointStatePublisher,
     JointTrajectoryController,
     OdometryPublisher,
+    WheelDrive,
 )
 from arm_drake.messages import NANOSECONDS, Message, Twist
 
@@ -237,7 +237,7 @@ GazeboTag = (
     | ApplyJointForce
     | JointTrajectoryController
     | JointStatePublisher
-    | DiffDrive
+    | WheelDrive
     | OdometryPublisher
     | GazeboRosJointPoseTrajectory
     | GazeboRosJointStatePublisher
@@ -298,7 +298,7 @@ def contact_topic(tag: ContactSensorTag, model: str, world: str) -> str:
 
 
 class DriveTopics(NamedTuple):
-    """Topics of a DiffDrive."""
+    """Topics of a drive of Gazebo Sim; `enable` is a DiffDrive's alone."""
 
     command: str
     enable: str
@@ -306,8 +306,8 @@ class DriveTopics(NamedTuple):
     tf: str
 
 
-def drive_topics(tag: DiffDrive, model: str) -> DriveTopics:
-    """Return the topics of a DiffDrive."""
+def drive_topics(tag: WheelDrive, model: str) -> DriveTopics:
+    """Return the topics of a drive of Gazebo Sim."""
     tag_topics = (tag.topic, "", tag.odom_topic, tag.tf_topic)
     ends = ("cmd_vel", "enable", "odometry", "tf")
     names = (
@@ -331,12 +331,16 @@ def ros_topic(name: str, namespace: str, remappings: Sequence[str]) -> str:
     return topic
 
 
-def find_twist_fault(message: Twist) -> str:
+def find_twist_fault(message: Twist, *, sideways: bool = False) -> str:
     """Return why a base doesn't take a velocity; empty if it does."""
-    numbers = (message.linear.x, message.angular.z)
+    numbers = [message.linear.x, message.angular.z]
+    names = "linear.x"
+    if sideways:
+        numbers.append(message.linear.y)
+        names += ", linear.y"
     if all(map(math.isfinite, numbers)):
         return ""
-    return "linear.x and angular.z must be finite; the message is dropped"
+    return f"{names} and angular.z must be finite; the message is dropped"
 
 
 def find_unsupported(tag: GazeboTag) -> list[str]:
