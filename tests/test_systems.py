@@ -373,6 +373,17 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
         ],
         dc.replace(controller_params(), robot_name="<model>"),
     ),
+    gazebo.find_system(drives.AckermannSteering): lambda: gazebo.make_plugin(
+        [
+            drives.AckermannSteering(
+                *(("joint",),) * 4,
+                topic="<topic>",
+                odom_topic="<odom_topic>",
+                tf_topic="<tf_topic>",
+            )
+        ],
+        controller_params(),
+    ),
     gazebo.find_system(drives.MecanumDrive): lambda: gazebo.make_plugin(
         [
             drives.MecanumDrive(

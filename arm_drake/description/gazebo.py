@@ -27,6 +27,7 @@ from arm_drake.description.elements import (
 )
 from arm_drake.description.gazebo_plugins import (
     KINDS,
+    AckermannSteering,
     GazeboRosDiffDrive,
     JointPlugin,
     JointPositionController,
@@ -52,7 +53,7 @@ _SENSORS = re.compile(r"(gz-sim|ignition-gazebo)\d*-sensors-system")
 
 # Libraries that move a robot, and for which nothing stands in.
 _MOVING = re.compile(
-    r"(gz-sim|ignition-gazebo)\d*-(ackermann-steering|tracked-vehicle"
+    r"(gz-sim|ignition-gazebo)\d*-(tracked-vehicle"
     r"|track-controller|velocity-control|trajectory-follower|thruster"
     r"|multicopter-[a-z-]+|apply-link-wrench)-system"
     r"|gazebo_ros_(ackermann_drive|tricycle_drive|planar_move|force|hand_of_god)"
@@ -339,6 +340,8 @@ class _FieldReader(ElementReader):
         for field in dc.fields(typed):
             if not field.metadata.get("joints") or getattr(typed, field.name):
                 continue
+            if not typed.needs(field.name):
+                continue
             tags = field.metadata["tags"]
             is_present = any(plugin.texts(tag) for tag in tags)
             if is_present:
@@ -370,6 +373,12 @@ def _drive_problem(typed: WheelDrive) -> str | None:
     lengths = {"wheel_separation": (typed.wheel_separation,)}
     if isinstance(typed, MecanumDrive):
         lengths["wheelbase"] = (typed.wheelbase,)
+    if isinstance(typed, AckermannSteering):
+        lengths["wheel_base"] = (typed.wheel_base,)
+        lengths["kingpin_width"] = (typed.kingpin_width,)
+        if not 0.0 < typed.steering_limit < math.pi / 2.0:
+            expected = "expected an angle above 0 and below a quarter of a turn"
+            return f"steering_limit: {expected}, got {typed.steering_limit:g}"
     lengths["wheel_radius"] = (typed.wheel_radius,)
     return _measure_problem(lengths) or _topics_problem(typed)
 

@@ -9,7 +9,8 @@ Sources of the fields and of their defaults:
   joint_controller/JointController.{hh,cc}, apply_joint_force/ApplyJointForce.cc,
   joint_trajectory_controller/JointTrajectoryController.{hh,cc}, joint_state_publisher/
   JointStatePublisher.{hh,cc}, diff_drive/DiffDrive.cc, mecanum_drive/MecanumDrive.cc,
-  odometry_publisher/OdometryPublisher.cc, contact/Contact.cc
+  ackermann_steering/AckermannSteering.cc, odometry_publisher/OdometryPublisher.cc,
+  contact/Contact.cc
 - gazebo_ros_pkgs, branch ros2, gazebo_plugins/src:
   gazebo_ros_joint_state_publisher.cpp,
   gazebo_ros_joint_pose_trajectory.cpp, gazebo_ros_diff_drive.cpp, gazebo_ros_bumper.cpp
@@ -36,6 +37,11 @@ def joint_tags(*names: str) -> Any:
 @dc.dataclass(frozen=True)
 class JointPlugin:
     """A plugin that moves or reports joints."""
+
+    def needs(self, field: str) -> bool:
+        """Return whether it does nothing without joints in a field of joints."""
+        del field
+        return True
 
 
 @dc.dataclass(frozen=True)
@@ -351,6 +357,68 @@ class MecanumDrive(LimitedDrive):
 
 
 @dc.dataclass(frozen=True)
+class AckermannSteering(WheelDrive):
+    """Drives wheels by velocity commands, and steers two by their angles."""
+
+    left_joints: tuple[str, ...] = joint_tags("left_joint")
+    right_joints: tuple[str, ...] = joint_tags("right_joint")
+    left_steering_joints: tuple[str, ...] = joint_tags("left_steering_joint")
+    right_steering_joints: tuple[str, ...] = joint_tags("right_steering_joint")
+
+    # Distances of the steering joints from each other, and of the axles [m].
+    kingpin_width: float = 0.8
+    wheel_base: float = 1.0
+
+    # Largest angle of steering [rad].
+    steering_limit: float = 0.5
+
+    # Velocity of a steering joint per error of its angle; the limits of the integral
+    # term and of the velocity [rad/s].
+    steer_p_gain: float = 1.0
+    steer_i_gain: float = 0.0
+    steer_d_gain: float = 0.0
+    steer_i_max: float = 0.0
+    steer_i_min: float = 0.0
+    steer_cmd_max: float = 1000.0
+    steer_cmd_min: float = -1000.0
+    steer_cmd_offset: float = 0.0
+
+    # Whether it steers alone, by the angle of "/model/<model>/steer_angle" [rad].
+    steering_only: bool = False
+
+    # With a number of the actuator it steers alone, too; -1 is none.
+    use_actuator_msg: bool = False
+    actuator_number: int = -1
+
+    # Empty, or the end of "/model/<model>/<sub_topic>".
+    sub_topic: str = ""
+
+    @property
+    def is_steering_alone(self) -> bool:
+        """Whether it leaves the wheels alone."""
+        return self.steering_only or (
+            self.use_actuator_msg and self.actuator_number >= 0
+        )
+
+    @property
+    def driven_joints(self) -> tuple[str, ...]:
+        """Joints of wheels that it turns."""
+        if self.is_steering_alone:
+            return ()
+        return (*self.left_joints, *self.right_joints)
+
+    @property
+    def steered_joints(self) -> tuple[str, ...]:
+        """Joints by which it steers."""
+        return (*self.left_steering_joints, *self.right_steering_joints)
+
+    def needs(self, field: str) -> bool:
+        """Return whether it does nothing without joints in a field of joints."""
+        is_of_wheels = field in ("left_joints", "right_joints")
+        return not (is_of_wheels and self.is_steering_alone)
+
+
+@dc.dataclass(frozen=True)
 class GazeboRosDiffDrive(JointPlugin):
     """Drives pairs of wheels by "cmd_vel", in Gazebo Classic.
 
@@ -430,6 +498,7 @@ KINDS: Mapping[str, type[JointPlugin]] = {
     "joint_state_publisher": JointStatePublisher,
     "diff_drive": DiffDrive,
     "mecanum_drive": MecanumDrive,
+    "ackermann_steering": AckermannSteering,
     "odometry_publisher": OdometryPublisher,
     "gazebo_ros_joint_state_publisher": GazeboRosJointStatePublisher,
     "gazebo_ros_joint_pose_trajectory": GazeboRosJointPoseTrajectory,

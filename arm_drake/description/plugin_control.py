@@ -19,6 +19,7 @@ from arm_drake.description.controllers import (
 )
 from arm_drake.description.elements import free_name
 from arm_drake.description.gazebo_plugins import (
+    AckermannSteering,
     ApplyJointForce,
     DiffDrive,
     GazeboRosDiffDrive,
@@ -71,7 +72,11 @@ def moving_plugins(description: RobotDescription) -> tuple[JointPlugin, ...]:
 
 
 def plugin_joints(description: RobotDescription) -> frozenset[str]:
-    """Return the joints that plugins move, and those that these follow."""
+    """Return the joints that plugins move, and those that these follow.
+
+    Beside a plugin that drives a base, what turns without limits and isn't commanded is
+    a wheel that rolls freely; a controller that held it would be a brake.
+    """
     movable = {joint.name: joint for joint in description.movable_joints}
     requested = {
         (name, interface_of(plugin))
@@ -79,6 +84,8 @@ def plugin_joints(description: RobotDescription) -> frozenset[str]:
         for name in _joints_of(plugin, movable)
     }
     names = {name for name, _ in requested}
+    if any(isinstance(plugin, Driving) for plugin in description.joint_plugins):
+        names |= {n for n, joint in movable.items() if joint.type == "continuous"}
     carriers = {find_carrier(movable, *key) for key in requested}
     return frozenset(names | {name for name in carriers if name is not None})
 
@@ -166,7 +173,9 @@ class PluginSorter:
         empty = [
             field.metadata["tags"][0]
             for field in dc.fields(driving)
-            if field.metadata.get("joints") and not getattr(driving, field.name)
+            if field.metadata.get("joints")
+            and driving.needs(field.name)
+            and not getattr(driving, field.name)
         ]
         if not empty:
             return [PluginTag(driving, tuple(_moved_by(driving)))]
@@ -294,6 +303,7 @@ PLUGIN_TYPES: dict[type[RunPlugin], str] = {
     ApplyJointForce: "gz::sim::systems::ApplyJointForce",
     JointTrajectoryController: "gz::sim::systems::JointTrajectoryController",
     JointStatePublisher: "gz::sim::systems::JointStatePublisher",
+    AckermannSteering: "gz::sim::systems::AckermannSteering",
     DiffDrive: "gz::sim::systems::DiffDrive",
     MecanumDrive: "gz::sim::systems::MecanumDrive",
     OdometryPublisher: "gz::sim::systems::OdometryPublisher",
@@ -397,7 +407,8 @@ def _with_torques(
             found = [n for n in tag.joints if joints[n].limits.effort is None]
             weight = _GRAVITY * total_mass(description)
             torque, more = _GRIP * weight * plugin.wheel_radius, ""
-            what = f"{type(plugin).__name__} has wheels without an effort limit:"
+            parts = "joints" if plugin.steered_joints else "wheels"
+            what = f"{type(plugin).__name__} has {parts} without an effort limit:"
         else:
             continue
         for name in found:

@@ -6,6 +6,7 @@ import pytest
 
 from arm_drake.description.gazebo import GazeboPlugin, JointPlugin, read_joint_plugins
 from arm_drake.description.gazebo_plugins import (
+    AckermannSteering,
     DiffDrive,
     GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
@@ -25,6 +26,7 @@ VELOCITY = "gz-sim-joint-controller-system"
 TRAJECTORY = "gz-sim-joint-trajectory-controller-system"
 STATES = "gz-sim-joint-state-publisher-system"
 DRIVE = "gz-sim-diff-drive-system"
+ACKERMANN = "gz-sim-ackermann-steering-system"
 MECANUM = "gz-sim-mecanum-drive-system"
 CLASSIC_STATES = "libgazebo_ros_joint_state_publisher.so"
 CLASSIC_TRAJECTORY = "libgazebo_ros_joint_pose_trajectory.so"
@@ -475,3 +477,72 @@ def test_a_tag_that_a_mecanum_drive_does_not_know_is_named():
         "info: arm.urdf: Gazebo plugin 'p': unknown tags: wheel_base; they have no "
         "effect"
     ]
+
+
+STEERING = (("left_steering_joint", "j"), ("right_steering_joint", "k"))
+
+
+def test_an_ackermann_steering_has_the_defaults_of_its_source():
+    (drive,), lines = read(ACKERMANN, *SIDES, *STEERING)
+
+    # AckermannSteering.cc.
+    assert drive == AckermannSteering(
+        *(("j",), ("k",), ("j",), ("k",)),
+        wheel_separation=1.0,
+        kingpin_width=0.8,
+        wheel_base=1.0,
+        steering_limit=0.5,
+        wheel_radius=0.2,
+        steer_p_gain=1.0,
+        steer_i_gain=0.0,
+        steer_d_gain=0.0,
+        steer_i_max=0.0,
+        steer_i_min=0.0,
+        steer_cmd_max=1000.0,
+        steer_cmd_min=-1000.0,
+        steer_cmd_offset=0.0,
+    )
+    assert lines == []
+
+
+@pytest.mark.parametrize(
+    "alone",
+    [
+        [("steering_only", "true")],
+        [("use_actuator_msg", "true"), ("actuator_number", "2")],
+    ],
+)
+def test_an_ackermann_steering_that_steers_alone_needs_no_wheels(alone):
+    (drive,), lines = read(ACKERMANN, *STEERING, *alone)
+
+    assert (drive.driven_joints, drive.steered_joints) == ((), ("j", "k"))
+    assert lines == []
+
+
+@pytest.mark.parametrize(
+    ("fields", "problem"),
+    [
+        (STEERING, "no joint; expected <left_joint>"),
+        (
+            [*STEERING, ("use_actuator_msg", "true")],
+            "no joint; expected <left_joint>",
+        ),
+        ([*SIDES, STEERING[0]], "no joint; expected <right_steering_joint>"),
+        (
+            [*SIDES, *STEERING, ("wheel_base", "-1")],
+            "wheel_base: expected a length above 0 m, got -1",
+        ),
+        (
+            [*SIDES, *STEERING, ("kingpin_width", "0")],
+            "kingpin_width: expected a length above 0 m, got 0",
+        ),
+        (
+            [*SIDES, *STEERING, ("steering_limit", "30")],
+            "steering_limit: expected an angle above 0 and below a quarter of a turn, "
+            "got 30",
+        ),
+    ],
+)
+def test_an_ackermann_steering_that_can_t_drive_is_left_out(fields, problem):
+    line = f"error: arm.urdf: Gazebo plugin 'p': {problem}; the plugin is left out"
+    assert read(ACKERMANN, *fields) == ((), [line])

@@ -9,7 +9,17 @@ import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.messages import Bool, Odometry, TFMessage, Twist, TwistStamped, Vector3
 from arm_drake.simulation.motion_files import load_motion, parse_motion
-from tests.carts import CLASSIC, GZ, cart, classic_drive, diff_drive, load, plugin
+from tests.carts import (
+    CLASSIC,
+    GZ,
+    ackermann_steering,
+    cart,
+    classic_drive,
+    diff_drive,
+    load,
+    plugin,
+    steered_cart,
+)
 from tests.models import bob, joint, ros2_control
 
 COMMAND, ODOMETRY = "/model/cart/cmd_vel", "/model/cart/odometry"
@@ -409,3 +419,36 @@ def test_without_physics_the_wheels_turn_and_the_world_stands_still(
 
     assert sim.topic("/odom").value().pose.pose.position.x == 0.0
     assert len(sim.topic("/tf").value().transforms) == 2
+
+
+def test_a_steered_cart_has_its_topics_and_wheels_that_roll_freely(
+    tmp_path: Path,
+) -> None:
+    robot = load(tmp_path, steered_cart(ackermann_steering()))
+    sim = simulate(robot)
+
+    assert topics(sim) == {
+        COMMAND: "Twist",
+        ODOMETRY: "Odometry",
+        "/model/cart/tf": "TFMessage",
+    }
+    # No controller holds the front wheels.
+    (row,) = sim.list_controllers()
+    assert row.type == "gz::sim::systems::AckermannSteering"
+    assert lines(robot) == [
+        "info: : AckermannSteering has joints without an effort limit: left, right; "
+        "the limit is 19.6 N·m"
+    ]
+
+
+def test_a_steered_cart_whose_steering_another_plugin_has_is_left_out(
+    tmp_path: Path,
+) -> None:
+    other = plugin("gz-sim-joint-controller-system", ("joint_name", "left_steering"))
+
+    robot = load(tmp_path, steered_cart(ackermann_steering(), other))
+
+    assert (
+        "warning: Gazebo plugin AckermannSteering: no joints are left of "
+        "<left_steering_joint>; it is left out" in lines(robot)
+    )

@@ -9,7 +9,16 @@ from pydrake.math import RigidTransform, RollPitchYaw
 import arm_drake as ad
 from arm_drake.messages import Float64, Odometry, Twist, Vector3
 from tests import models
-from tests.carts import RADIUS, cart, classic_drive, diff_drive, load, plugin
+from tests.carts import (
+    RADIUS,
+    ackermann_steering,
+    cart,
+    classic_drive,
+    diff_drive,
+    load,
+    plugin,
+    steered_cart,
+)
 
 SPEED, TURN = 0.25, 0.8
 REST = Twist()
@@ -39,6 +48,8 @@ PLUGINS = {
 class Cart:
     """A cart in the world, settled on its wheels."""
 
+    description = staticmethod(lambda plugin, limit: cart(plugin, limit=limit))
+
     def __init__(
         self,
         folder: Path,
@@ -47,7 +58,7 @@ class Cart:
         limit: str = "",
         step: float = 1e-3,
     ) -> None:
-        self.robot = load(folder, cart(plugin, limit=limit))
+        self.robot = load(folder, self.description(plugin, limit))
         # A step is no longer than a period of the manager, of 1 ms by default.
         robot = models.at_rate_of(self.robot, step)
         options = ad.SimulationOptions(time_step=step)
@@ -349,3 +360,58 @@ def test_torques_on_what_is_no_wheel_leave_the_base_fixed(
     text = cart(PUSHED, limit=limit).replace('"continuous"', f'"{kind}"')
 
     assert load(tmp_path, text).has_free_base == (kind == "continuous")
+
+
+class SteeredCart(Cart):
+    """A cart with steered wheels, settled on them."""
+
+    description = staticmethod(lambda plugin, limit: steered_cart(plugin))
+
+
+@pytest.mark.parametrize("w", [0.2, -0.2])
+def test_a_steered_cart_goes_round_a_circle(tmp_path: Path, w: float) -> None:
+    # The wheels are steered before it drives; the radius is 1.25 m.
+    block = ackermann_steering(("steer_p_gain", 10.0))
+    base = SteeredCart(tmp_path, block, GZ_TOPICS, step=STEP)
+    base.drive(0.25, w, 1.0)
+    base.start, base.start_odom = base.pose(), base.odometry()
+
+    base.drive(0.25, w, 4.0)
+
+    x, y, angle = base.moved()
+    assert base.robot.has_free_base
+    # The wheels say where it is to 5 % of the way of a metre.
+    assert base.counted() == pytest.approx((x, y, angle), abs=0.05)
+    assert angle == pytest.approx(4.0 * w, rel=0.05)
+    # Half the chord by the sine of half the angle.
+    radius = np.hypot(x, y) / 2.0 / np.sin(abs(angle) / 2.0)
+    assert radius == pytest.approx(1.25, rel=0.05)
+
+
+def test_a_steered_cart_drives_straight_back(tmp_path: Path) -> None:
+    base = SteeredCart(tmp_path, ackermann_steering(), GZ_TOPICS, step=STEP)
+
+    base.drive(-0.5, 0.0, 2.0)
+
+    x, y, angle = base.moved()
+    assert x == pytest.approx(-1.0, abs=0.05)
+    assert base.counted() == pytest.approx((x, y, angle), abs=0.05)
+    assert (y, angle) == pytest.approx((0.0, 0.0), abs=0.02)
+
+
+def test_a_cart_that_steers_alone_turns_its_wheels_alone(tmp_path: Path) -> None:
+    block = ackermann_steering(("steering_only", "true"), ("steer_p_gain", 10.0))
+    robot = load(tmp_path, steered_cart(block))
+    sim = ad.Simulation(ad.build_diagram(robot))
+    sim.topic("/model/cart/steer_angle").publish(0.3)
+
+    sim.run(2.0)
+
+    state = sim.joint_states()
+    angles = dict(zip(state.name, state.position, strict=True))
+    arm = 0.5 / np.tan(0.3)
+    # Its wheel_separation is 0.4 m; friction turns with the wheels.
+    found = (angles["left_steering"], angles["right_steering"])
+    wanted = (np.arctan(0.5 / (arm - 0.2)), np.arctan(0.5 / (arm + 0.2)))
+    assert found == pytest.approx(wanted, abs=0.02)
+    assert np.linalg.norm(sim.link_poses()["base_link"].translation()[:2]) < 0.1

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from arm_drake.arrays import Array
 from arm_drake.description.gazebo_plugins import (
+    AckermannSteering,
     ApplyJointForce,
     ContactSensorTag,
     GazeboRosDiffDrive,
@@ -308,8 +309,13 @@ class DriveTopics(NamedTuple):
 
 def drive_topics(tag: WheelDrive, model: str) -> DriveTopics:
     """Return the topics of a drive of Gazebo Sim."""
-    tag_topics = (tag.topic, "", tag.odom_topic, tag.tf_topic)
-    ends = ("cmd_vel", "enable", "odometry", "tf")
+    topic, end = tag.topic, "cmd_vel"
+    if isinstance(tag, AckermannSteering):
+        end = "steer_angle" if tag.is_steering_alone else end
+        if tag.sub_topic and not topic:
+            topic = f"model/{model}/{tag.sub_topic.strip()}"
+    tag_topics = (topic, "", tag.odom_topic, tag.tf_topic)
+    ends = (end, "enable", "odometry", "tf")
     names = (
         as_topic(name or f"model/{model}/{end}")
         for name, end in zip(tag_topics, ends, strict=True)
@@ -350,6 +356,13 @@ def find_unsupported(tag: GazeboTag) -> list[str]:
         problems.append(
             "use_actuator_msg: no messages of actuators are taken; the joint's own "
             "topic takes numbers"
+        )
+    if isinstance(tag, AckermannSteering) and tag.use_actuator_msg:
+        problems.append(
+            "use_actuator_msg: no messages of actuators are taken; its topic takes "
+            "the angle as a number"
+            if tag.is_steering_alone
+            else "use_actuator_msg: it needs an <actuator_number> from 0 on"
         )
     if isinstance(tag, OdometryPublisher):
         if tag.gaussian_noise:
