@@ -28,6 +28,7 @@ from arm_drake.description.claimed_hardware import (
 )
 from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
 from arm_drake.description.gazebo_plugins import (
+    BaseHolder,
     GazeboRosDiffDrive,
     MecanumDrive,
     WheelDrive,
@@ -106,6 +107,11 @@ def find_bases(
                     wheel_radius=tag.wheel_radius,
                 )
             bases.append(base)
+        bases += [
+            MobileBase(controller.name, (), (), tag.base_link or description.base)
+            for tag in controller.plugins
+            if isinstance(tag, BaseHolder)
+        ]
         if controller.type not in WHEEL_PARAMETERS:
             continue
         parameters = WHEEL_PARAMETERS[controller.type]

@@ -35,6 +35,7 @@ from arm_drake.description.gazebo_plugins import (
     JointTrajectoryController,
     MecanumDrive,
     OdometryPublisher,
+    VelocityControl,
     WheelDrive,
 )
 from arm_drake.description.joints import JointInfo
@@ -54,9 +55,9 @@ _SENSORS = re.compile(r"(gz-sim|ignition-gazebo)\d*-sensors-system")
 # Libraries that move a robot, and for which nothing stands in.
 _MOVING = re.compile(
     r"(gz-sim|ignition-gazebo)\d*-(tracked-vehicle"
-    r"|track-controller|velocity-control|trajectory-follower|thruster"
+    r"|track-controller|trajectory-follower|thruster"
     r"|multicopter-[a-z-]+|apply-link-wrench)-system"
-    r"|gazebo_ros_(ackermann_drive|tricycle_drive|planar_move|force|hand_of_god)"
+    r"|gazebo_ros_(ackermann_drive|tricycle_drive|force|hand_of_god)"
 )
 
 # What publishes what cameras and lidars see.
@@ -351,6 +352,8 @@ class _FieldReader(ElementReader):
                 return f"no joint; expected <{tags[0]}>"
         if isinstance(typed, JointPositionController) and typed.joint_index:
             return f"joint_index {typed.joint_index}: a joint has one axis, of index 0"
+        if isinstance(typed, VelocityControl):
+            return _vector_problem(typed, "initial_linear", "initial_angular")
         if isinstance(typed, OdometryPublisher):
             return _odometry_problem(typed)
         if isinstance(typed, WheelDrive):
@@ -363,10 +366,15 @@ class _FieldReader(ElementReader):
 def _odometry_problem(typed: OdometryPublisher) -> str | None:
     if typed.dimensions not in (2, 3):
         return f"dimensions: expected 2 or 3, got {typed.dimensions}"
-    for name in ("xyz_offset", "rpy_offset"):
+    problem = _vector_problem(typed, "xyz_offset", "rpy_offset")
+    return problem or _topics_problem(typed)
+
+
+def _vector_problem(typed: JointPlugin, *names: str) -> str | None:
+    for name in names:
         if len(numbers := getattr(typed, name)) not in (0, 3):
             return f"{name}: expected three numbers, got {len(numbers)}"
-    return _topics_problem(typed)
+    return None
 
 
 def _drive_problem(typed: WheelDrive) -> str | None:

@@ -9,11 +9,12 @@ Sources of the fields and of their defaults:
   joint_controller/JointController.{hh,cc}, apply_joint_force/ApplyJointForce.cc,
   joint_trajectory_controller/JointTrajectoryController.{hh,cc}, joint_state_publisher/
   JointStatePublisher.{hh,cc}, diff_drive/DiffDrive.cc, mecanum_drive/MecanumDrive.cc,
-  ackermann_steering/AckermannSteering.cc, odometry_publisher/OdometryPublisher.cc,
-  contact/Contact.cc
+  ackermann_steering/AckermannSteering.cc, velocity_control/VelocityControl.cc,
+  odometry_publisher/OdometryPublisher.cc, contact/Contact.cc
 - gazebo_ros_pkgs, branch ros2, gazebo_plugins/src:
   gazebo_ros_joint_state_publisher.cpp,
-  gazebo_ros_joint_pose_trajectory.cpp, gazebo_ros_diff_drive.cpp, gazebo_ros_bumper.cpp
+  gazebo_ros_joint_pose_trajectory.cpp, gazebo_ros_diff_drive.cpp,
+  gazebo_ros_planar_move.cpp, gazebo_ros_bumper.cpp
 - gz_ros2_control: gz_ros2_control_plugin.cpp; gazebo_ros2_control:
   gazebo_ros2_control_plugin.cpp
 """
@@ -201,6 +202,49 @@ class JointStatePublisher(JointPlugin):
 
     # Empty: "/world/<world>/model/<model>/joint_state".
     topic: str = ""
+
+
+@dc.dataclass(frozen=True)
+class BaseHolder(JointPlugin):
+    """A plugin that sets the velocity of the robot's base, whatever it takes."""
+
+    # The link that the robot hangs from.
+    base_link: str = dc.field(default="", kw_only=True, metadata={"tags": ()})
+
+
+@dc.dataclass(frozen=True)
+class VelocityControl(BaseHolder):
+    """Sets the velocity of the robot's base in every step."""
+
+    # Velocity from the start, along the base's axes [m/s], [rad/s]; empty is 0.
+    initial_linear: tuple[float, ...] = ()
+    initial_angular: tuple[float, ...] = ()
+
+    # Empty: "/model/<model>/cmd_vel".
+    topic: str = ""
+
+    # Links with topics of their own, which aren't moved here.
+    link_names: tuple[str, ...] = tags("link_name")
+
+
+@dc.dataclass(frozen=True)
+class GazeboRosPlanarMove(BaseHolder):
+    """Sets the velocity of the robot's base by "cmd_vel", in Gazebo Classic."""
+
+    # How often it is set, and told [Hz]; 0 is every step.
+    update_rate: float = 20.0
+    publish_rate: float = 20.0
+
+    odometry_frame: str = "odom"
+    robot_base_frame: str = "base_footprint"
+    publish_odom: bool = True
+    publish_odom_tf: bool = True
+    covariance_x: float = 0.00001
+    covariance_y: float = 0.00001
+    covariance_yaw: float = 0.001
+
+    namespace: str = tags("ros/namespace", default="")
+    remappings: tuple[str, ...] = tags("ros/remapping", "ros/argument")
 
 
 @dc.dataclass(frozen=True)
@@ -499,10 +543,12 @@ KINDS: Mapping[str, type[JointPlugin]] = {
     "diff_drive": DiffDrive,
     "mecanum_drive": MecanumDrive,
     "ackermann_steering": AckermannSteering,
+    "velocity_control": VelocityControl,
     "odometry_publisher": OdometryPublisher,
     "gazebo_ros_joint_state_publisher": GazeboRosJointStatePublisher,
     "gazebo_ros_joint_pose_trajectory": GazeboRosJointPoseTrajectory,
     "gazebo_ros_diff_drive": GazeboRosDiffDrive,
+    "gazebo_ros_planar_move": GazeboRosPlanarMove,
 }
 
 

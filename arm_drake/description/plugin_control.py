@@ -21,10 +21,12 @@ from arm_drake.description.elements import free_name
 from arm_drake.description.gazebo_plugins import (
     AckermannSteering,
     ApplyJointForce,
+    BaseHolder,
     DiffDrive,
     GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
+    GazeboRosPlanarMove,
     JointController,
     JointPlugin,
     JointPositionController,
@@ -32,6 +34,7 @@ from arm_drake.description.gazebo_plugins import (
     JointTrajectoryController,
     MecanumDrive,
     OdometryPublisher,
+    VelocityControl,
     WheelDrive,
 )
 from arm_drake.description.joints import WORLD, JointInfo, JointLimits
@@ -51,7 +54,12 @@ Moving: TypeAlias = OneOfJoints | Driving | GazeboRosJointPoseTrajectory
 
 # Plugins that run as controllers.
 RunPlugin: TypeAlias = (
-    Moving | JointStatePublisher | GazeboRosJointStatePublisher | OdometryPublisher
+    Moving
+    | JointStatePublisher
+    | GazeboRosJointStatePublisher
+    | OdometryPublisher
+    | VelocityControl
+    | GazeboRosPlanarMove
 )
 
 
@@ -74,7 +82,7 @@ def moving_plugins(description: RobotDescription) -> tuple[JointPlugin, ...]:
 def plugin_joints(description: RobotDescription) -> frozenset[str]:
     """Return the joints that plugins move, and those that these follow.
 
-    Beside a plugin that drives a base, what turns without limits and isn't commanded is
+    Beside a plugin that moves a base, what turns without limits and isn't commanded is
     a wheel that rolls freely; a controller that held it would be a brake.
     """
     movable = {joint.name: joint for joint in description.movable_joints}
@@ -84,7 +92,9 @@ def plugin_joints(description: RobotDescription) -> frozenset[str]:
         for name in _joints_of(plugin, movable)
     }
     names = {name for name, _ in requested}
-    if any(isinstance(plugin, Driving) for plugin in description.joint_plugins):
+    if any(
+        isinstance(plugin, Driving | BaseHolder) for plugin in description.joint_plugins
+    ):
         names |= {n for n, joint in movable.items() if joint.type == "continuous"}
     carriers = {find_carrier(movable, *key) for key in requested}
     return frozenset(names | {name for name in carriers if name is not None})
@@ -306,10 +316,12 @@ PLUGIN_TYPES: dict[type[RunPlugin], str] = {
     AckermannSteering: "gz::sim::systems::AckermannSteering",
     DiffDrive: "gz::sim::systems::DiffDrive",
     MecanumDrive: "gz::sim::systems::MecanumDrive",
+    VelocityControl: "gz::sim::systems::VelocityControl",
     OdometryPublisher: "gz::sim::systems::OdometryPublisher",
     GazeboRosJointPoseTrajectory: "gazebo_plugins/GazeboRosJointPoseTrajectory",
     GazeboRosJointStatePublisher: "gazebo_plugins/GazeboRosJointStatePublisher",
     GazeboRosDiffDrive: "gazebo_plugins/GazeboRosDiffDrive",
+    GazeboRosPlanarMove: "gazebo_plugins/GazeboRosPlanarMove",
 }
 
 
@@ -327,7 +339,7 @@ def add_plugins(
     tags = [_with_links(tag, description) for tag in sorter.sort(plugins)]
     if not tags:
         return description, config
-    if any(tag.joints for tag in tags):
+    if any(tag.joints or isinstance(tag.plugin, BaseHolder) for tag in tags):
         config = _at_rate(config, description.file, report)
     names = {controller.name for controller in config.controllers}
     added = tuple(_controllers(tags, names, description.file))
@@ -336,6 +348,7 @@ def add_plugins(
     description = dc.replace(description, hardware=hardware)
     description = _with_torques(description, tags, report)
     joints = _without_limits(description, tags, report)
+    _report_holders(description, tags, report)
     return (
         dc.replace(description, joints=joints),
         dc.replace(config, controllers=(*config.controllers, *added)),
@@ -369,10 +382,25 @@ def _without_limits(
     )
 
 
+def _report_holders(
+    description: RobotDescription, tags: Sequence[PluginTag], report: LoadReport
+) -> None:
+    """Record how plugins that set the velocity of the base are simulated."""
+    for plugin in (tag.plugin for tag in tags):
+        if not isinstance(plugin, VelocityControl | GazeboRosPlanarMove):
+            continue
+        what = f"{type(plugin).__name__} sets the velocity of link {plugin.base_link!r}"
+        done = "a force without a limit does it, in every step"
+        if isinstance(plugin, GazeboRosPlanarMove) and plugin.update_rate > 0.0:
+            done = f"a force without a limit does it, {plugin.update_rate:g} times per "
+            done += "second; in between, what rubs on the ground brakes it"
+        report.add("info", "repair", what, done, file=description.file)
+
+
 def _with_links(tag: PluginTag, description: RobotDescription) -> PluginTag:
     """Return a tag that knows the links whose poses it publishes."""
     plugin = tag.plugin
-    if not isinstance(plugin, Driving | OdometryPublisher):
+    if not isinstance(plugin, Driving | BaseHolder | OdometryPublisher):
         return tag
     # One that hangs from the world has no root.
     base = next(link for link in description.links if link != WORLD)

@@ -22,6 +22,7 @@ from arm_drake.description.gazebo_plugins import (
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
+    VelocityControl,
 )
 
 
@@ -98,6 +99,10 @@ def test_namespaces_and_remappings(
         (JointController(("j",)), []),
         (JointTrajectoryController(), []),
         (AckermannSteering(steering_only=True), []),
+        (
+            VelocityControl(link_names=("a", "b")),
+            ["link_name: a, b: only the robot's base is moved"],
+        ),
         (
             AckermannSteering(use_actuator_msg=True, actuator_number=0),
             [

@@ -11,12 +11,14 @@ from arm_drake.description.gazebo_plugins import (
     GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
+    GazeboRosPlanarMove,
     JointController,
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
     MecanumDrive,
     Ros2ControlPlugin,
+    VelocityControl,
 )
 from arm_drake.description.report import LoadReport
 
@@ -546,3 +548,37 @@ def test_an_ackermann_steering_that_steers_alone_needs_no_wheels(alone):
 def test_an_ackermann_steering_that_can_t_drive_is_left_out(fields, problem):
     line = f"error: arm.urdf: Gazebo plugin 'p': {problem}; the plugin is left out"
     assert read(ACKERMANN, *fields) == ((), [line])
+
+
+def test_plugins_that_set_a_velocity_have_the_defaults_of_their_sources():
+    (control,), _ = read("gz-sim-velocity-control-system")
+    (planar,), _ = read("libgazebo_ros_planar_move.so")
+
+    # VelocityControl.cc and gazebo_ros_planar_move.cpp.
+    assert control == VelocityControl(initial_linear=(), initial_angular=(), topic="")
+    assert planar == GazeboRosPlanarMove(
+        update_rate=20.0,
+        publish_rate=20.0,
+        odometry_frame="odom",
+        robot_base_frame="base_footprint",
+        publish_odom=True,
+        publish_odom_tf=True,
+        covariance_x=1e-5,
+        covariance_y=1e-5,
+        covariance_yaw=1e-3,
+    )
+
+
+def test_an_initial_velocity_has_three_numbers():
+    velocity = "gz-sim-velocity-control-system"
+    (control,), lines = read(velocity, ("initial_linear", "1 2 3"))
+    refused = read(velocity, ("initial_angular", "1"))
+
+    assert (control.initial_linear, lines) == ((1.0, 2.0, 3.0), [])
+    assert refused == (
+        (),
+        [
+            "error: arm.urdf: Gazebo plugin 'p': initial_angular: expected three "
+            "numbers, got 1; the plugin is left out"
+        ],
+    )

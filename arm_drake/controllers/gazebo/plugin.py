@@ -33,11 +33,13 @@ from arm_drake.description.gazebo_plugins import (
     GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
+    GazeboRosPlanarMove,
     JointController,
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
     OdometryPublisher,
+    VelocityControl,
     WheelDrive,
 )
 from arm_drake.messages import NANOSECONDS, Message, Twist
@@ -240,13 +242,18 @@ GazeboTag = (
     | JointStatePublisher
     | WheelDrive
     | OdometryPublisher
+    | VelocityControl
     | GazeboRosJointPoseTrajectory
     | GazeboRosJointStatePublisher
     | GazeboRosDiffDrive
+    | GazeboRosPlanarMove
 )
 
 _Classic = (
-    GazeboRosJointPoseTrajectory | GazeboRosJointStatePublisher | GazeboRosDiffDrive
+    GazeboRosJointPoseTrajectory
+    | GazeboRosJointStatePublisher
+    | GazeboRosDiffDrive
+    | GazeboRosPlanarMove
 )
 _OneJoint = JointPositionController | JointController
 
@@ -357,6 +364,9 @@ def find_unsupported(tag: GazeboTag) -> list[str]:
             "use_actuator_msg: no messages of actuators are taken; the joint's own "
             "topic takes numbers"
         )
+    if isinstance(tag, VelocityControl) and tag.link_names:
+        links = ", ".join(tag.link_names)
+        problems.append(f"link_name: {links}: only the robot's base is moved")
     if isinstance(tag, AckermannSteering) and tag.use_actuator_msg:
         problems.append(
             "use_actuator_msg: no messages of actuators are taken; its topic takes "
