@@ -43,6 +43,7 @@ from arm_drake.hardware.hardware import (
     Hardware,
     add_hardware,
     add_sensors,
+    add_up,
     connect_forces,
     report_blind,
 )
@@ -469,8 +470,10 @@ def _add_dynamic_robots(
             part.report,
             system.prefix,
         )
-        if hardware.friction is not None:
-            forces[model] = hardware.friction
+        own = (builder, plant, model, part.controllers, part.report, system.prefix)
+        ports = [p for p in (hardware.friction, base.add_servo(*own)) if p is not None]
+        if ports:
+            forces[model] = add_up(builder, f"{system.prefix}forces", ports)
     connect_forces(builder, plant, forces)
     push = plant.get_applied_spatial_force_input_port()
     builder.ExportInput(push, "applied_spatial_force")

@@ -66,6 +66,9 @@ FRAMES_PORT: Final = "link_frames"
 # What touches the robot, which only the physics knows.
 CONTACTS_PORT: Final = "contacts"
 
+# How a system moves a free base without wheels.
+TWIST_PORT: Final = "held_twist"
+
 # Names of the command interfaces that are claimed.
 CLAIMED_PORT: Final = "claimed"
 
@@ -79,6 +82,7 @@ _INTERNAL_PORTS: Final = frozenset(
     (
         *(STATE_PORT, COMMAND_PORT, VALUES_PORT, MANAGER_PORT, PARAMETERS_PORT),
         *(TICK_PORT, TICKS_PORT, INBOX_PORT, FRAMES_PORT, CONTACTS_PORT),
+        TWIST_PORT,
     )
 )
 

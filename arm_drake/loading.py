@@ -68,7 +68,9 @@ BASE_CONTROLLERS = frozenset(
     }
 )
 BASE_PLUGINS = re.compile(
-    r"(ackermann|diff|mecanum|skid|tricycle|omni)[\w-]*(drive|steer)|planar_?move", re.I
+    r"(ackermann|diff|mecanum|skid|tricycle|omni)[\w-]*(drive|steer)|planar_?move"
+    r"|velocity-control-system|::VelocityControl\b",
+    re.I,
 )
 
 

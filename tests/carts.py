@@ -89,3 +89,44 @@ def load(folder: Path, text: str, **options: Any) -> ad.Robot:
     path = folder / "cart.urdf"
     path.write_text(text, encoding="utf-8")
     return ad.load_robot(path, **options)
+
+
+# Distance of the axles of the steered cart [m].
+WHEEL_BASE = 0.5
+
+
+def _steered_wheel(name: str, y: float) -> str:
+    turning = _wheel(f"front_{name}", 0.0, "").replace("base_link", f"{name}_knuckle")
+    return f"""
+  <link name="{name}_knuckle">{_inertial(0.2, 0.0005)}</link>
+  <joint name="{name}_steering" type="revolute">
+    <parent link="base_link"/><child link="{name}_knuckle"/>
+    <origin xyz="{WHEEL_BASE} {y} 0"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" effort="20" velocity="20"/>
+  </joint>{turning}"""
+
+
+def steered_cart(*blocks: str) -> str:
+    """Return a cart of 10 kg that drives by its rear wheels and steers by others."""
+    half = SEPARATION / 2.0
+    return f"""
+<robot name="cart">
+  <link name="base_link">{_inertial(7.6, 0.2, "0.2 0 0.1")}
+    <collision><origin xyz="0.2 0 0.2"/>
+      <geometry><box size="0.3 0.2 0.1"/></geometry></collision>
+  </link>
+  {_wheel("left", half, "")}{_wheel("right", -half, "")}
+  {_steered_wheel("left", half)}{_steered_wheel("right", -half)}
+  {"".join(blocks)}
+</robot>"""
+
+
+def ackermann_steering(*tags: tuple[str, object]) -> str:
+    """Return Gazebo's plugin that drives the steered cart, with further tags."""
+    steering = tuple(
+        (f"{s}_steering_joint", f"{s}_steering") for s in ("left", "right")
+    )
+    measures = (("wheel_base", WHEEL_BASE), ("kingpin_width", SEPARATION))
+    more = (*steering, *measures, ("wheel_radius", RADIUS), *tags)
+    name = "gz-sim-ackermann-steering-system"
+    return _plugin(name, "gz::sim::systems::AckermannSteering", (*_MEASURES, *more))

@@ -125,7 +125,7 @@ from arm_drake.description import gazebo_plugins as tags
 from arm_drake.description.gazebo_plugins import ContactSensorTag
 from arm_drake.description.perception_sensors import CameraSensor, LidarSensor
 from arm_drake.description.sensors import SensorInfo
-from arm_drake.hardware.mobile_bases import BaseTruth, Wheel
+from arm_drake.hardware.mobile_bases import BaseServo, BaseTruth, Wheel
 from arm_drake.hardware.mock_hardware import MockHardware
 from arm_drake.hardware.noise_and_delay import DelayedCommands, MeasuredStates
 from arm_drake.manager import ControllerManager
@@ -205,6 +205,14 @@ def make_manager() -> ControllerManager:
         drive=DriveCommands((), (), velocity_lead=0.05),
         hardware_interfaces=HardwareInterfaces({}, (), (), {}),
     )
+
+
+def make_base_servo() -> BaseServo:
+    plant = MultibodyPlant(1e-3)
+    inertia = SpatialInertia.SolidSphereWithMass(1.0, 0.1)
+    base = plant.AddRigidBody("base", plant.AddModelInstance("robot"), inertia)
+    plant.Finalize()
+    return BaseServo(plant, base.model_instance(), "base")
 
 
 def make_plant() -> MultibodyPlant:
@@ -298,6 +306,7 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
     BaseTruth: lambda: BaseTruth(
         "base", 1, RigidTransform(), [Wheel("j", 2, np.zeros(3), np.eye(3)[1], 0.1)]
     ),
+    BaseServo: make_base_servo,
     LinkFrames: lambda: LinkFrames([0]),
     BodyPoses: lambda: BodyPoses({"<name>": 0}),
     SensorReadings: make_sensor_readings,
@@ -372,6 +381,35 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
             )
         ],
         dc.replace(controller_params(), robot_name="<model>"),
+    ),
+    gazebo.find_system(drives.AckermannSteering): lambda: gazebo.make_plugin(
+        [
+            drives.AckermannSteering(
+                *(("joint",),) * 4,
+                topic="<topic>",
+                odom_topic="<odom_topic>",
+                tf_topic="<tf_topic>",
+            )
+        ],
+        controller_params(),
+    ),
+    gazebo.find_system(drives.MecanumDrive): lambda: gazebo.make_plugin(
+        [
+            drives.MecanumDrive(
+                *(("joint",),) * 4,
+                topic="<topic>",
+                odom_topic="<odom_topic>",
+                tf_topic="<tf_topic>",
+            )
+        ],
+        controller_params(),
+    ),
+    gazebo.find_system(tags.VelocityControl): lambda: gazebo.make_plugin(
+        [tags.VelocityControl(topic="<topic>")], controller_params()
+    ),
+    gazebo.find_system(tags.GazeboRosPlanarMove): lambda: gazebo.make_plugin(
+        [tags.GazeboRosPlanarMove(base_link="base")],
+        dc.replace(controller_params(), links=("base",)),
     ),
     gazebo.find_system(drives.GazeboRosDiffDrive): lambda: gazebo.make_plugin(
         [

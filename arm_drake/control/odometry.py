@@ -1,10 +1,11 @@
 """Odometry: from wheels to velocities and poses of bases, and back to wheels.
 
 The rules are those of ros2_controllers (version 6.9.0): `diff_drive_controller` for
-differential drive, class ``SteeringOdometry`` of `steering_controllers_library` for
-steered wheels, of which a base has one or two, as it has driven ones, at both ends of
-its wheelbase; of two the right one comes first. Other kinds of bases have their own way
-from wheels to velocities; see `controllers/bases`.
+differential drive, `mecanum_drive_controller` for mecanum wheels, class
+``SteeringOdometry`` of `steering_controllers_library` for steered wheels, of which a
+base has one or two, as it has driven ones, at both ends of its wheelbase; of two the
+right one comes first. Other kinds of bases have their own way from wheels to
+velocities; see `controllers/bases`.
 
 A base goes with v forwards [m/s], with steered wheels at the middle of the driven axle,
 and w of turning [rad/s] for a time dt [s]. Wheels have rates [rad/s], positions and
@@ -79,6 +80,19 @@ def integrate_midpoint(pose: PlanarPose, v: float, w: float, dt: float) -> Plana
     )
 
 
+def integrate_planar(
+    pose: PlanarPose, velocity: tuple[float, float, float], dt: float
+) -> PlanarPose:
+    """Return where a base stands after a step, sideways too, as `integrate_midpoint`.
+
+    Its point goes along the arc of a base that looks where this one goes.
+    """
+    vx, vy, w = velocity
+    ahead = pose._replace(heading=pose.heading + math.atan2(vy, vx))
+    moved = integrate_midpoint(ahead, math.hypot(vx, vy), w, dt)
+    return moved._replace(heading=pose.heading + w * dt)
+
+
 def integrate_arc(pose: PlanarPose, v: float, w: float, dt: float) -> PlanarPose:
     """Return where a base stands after it went along an arc."""
     heading = pose.heading + w * dt
@@ -94,17 +108,18 @@ def integrate_arc(pose: PlanarPose, v: float, w: float, dt: float) -> PlanarPose
 _TINY = 1e-6
 
 
-class DiffDriveOdometryState(NamedTuple):
+class WheelOdometryState(NamedTuple):
     """Where a base stands and how it moves."""
 
     mean: RollingMean
     pose: PlanarPose = PlanarPose()
 
-    # Forwards [m/s] and of turning [rad/s], as it is published.
-    velocity: tuple[float, float] = (0.0, 0.0)
+    # Forwards [m/s] and of turning [rad/s], as it is published; of bases that go
+    # sideways between them to the left [m/s].
+    velocity: tuple[float, ...] = (0.0, 0.0)
 
-    # Last positions of the left and the right wheel [rad].
-    positions: tuple[float, float] = (0.0, 0.0)
+    # Last positions of the wheels [rad], the left one first.
+    positions: tuple[float, ...] = (0.0, 0.0)
 
 
 class DiffDriveMotion(NamedTuple):
@@ -113,7 +128,7 @@ class DiffDriveMotion(NamedTuple):
     # The last two velocities that the limits let through, the newest first, forwards
     # [m/s] and of turning [rad/s].
     limited: tuple[tuple[float, ...], tuple[float, ...]]
-    odometry: DiffDriveOdometryState
+    odometry: WheelOdometryState
 
     @staticmethod
     def size(num_samples: int) -> int:
@@ -137,7 +152,7 @@ class DiffDriveMotion(NamedTuple):
         velocity, positions, sums, *samples = itertools.islice(pairs, 3 + k)
         mean = RollingMean(window, tuple(samples), sums if k else ())
         pose = PlanarPose(x, y, heading)
-        odometry = DiffDriveOdometryState(mean, pose, velocity, positions)
+        odometry = WheelOdometryState(mean, pose, velocity, positions)
         return cls(((v0, w0), (v1, w1)), odometry)
 
 
@@ -158,8 +173,8 @@ class DiffDriveKinematics:
         return (v - half) / self.left_radius, (v + half) / self.right_radius
 
     def from_positions(
-        self, state: DiffDriveOdometryState, left: float, right: float, dt: float
-    ) -> DiffDriveOdometryState:
+        self, state: WheelOdometryState, left: float, right: float, dt: float
+    ) -> WheelOdometryState:
         """Return the odometry after the wheels have come to positions [rad]."""
         if abs(dt) < _TINY:
             return state
@@ -170,8 +185,8 @@ class DiffDriveKinematics:
         )
 
     def from_velocities(
-        self, state: DiffDriveOdometryState, left: float, right: float, dt: float
-    ) -> DiffDriveOdometryState:
+        self, state: WheelOdometryState, left: float, right: float, dt: float
+    ) -> WheelOdometryState:
         """Return the odometry after the wheels have turned for a while [rad/s]."""
         if abs(dt) < _TINY:
             return state
@@ -184,8 +199,8 @@ class DiffDriveKinematics:
 
 
 def from_commands(
-    state: DiffDriveOdometryState, v: float, w: float, dt: float
-) -> DiffDriveOdometryState:
+    state: WheelOdometryState, v: float, w: float, dt: float
+) -> WheelOdometryState:
     """Return the odometry after a base has moved as it was told to."""
     pose = state.pose
     if abs(dt) >= _TINY:
@@ -201,6 +216,63 @@ def _integrate(pose: PlanarPose, v: float, w: float, dt: float) -> PlanarPose:
         pose.y + v * dt * math.sin(pose.heading),
         pose.heading + w * dt,
     )
+
+
+class MecanumWheels(NamedTuple):
+    """A velocity of each wheel [rad/s], in the order in which they are claimed."""
+
+    front_left: float
+    front_right: float
+    rear_right: float
+    rear_left: float
+
+
+class MecanumKinematics(NamedTuple):
+    """Measures of a base, which take its velocity to its wheels and back."""
+
+    # Radius of the wheels [m].
+    radius: float
+
+    # Distances of the wheels from their centre, along x plus along y [m].
+    reach: float
+
+    # Offset of the base frame against the wheels' centre.
+    offset: PlanarPose = PlanarPose()
+
+    def to_wheels(self, velocity: tuple[float, ...]) -> MecanumWheels:
+        """Return how the wheels turn for a velocity of the base frame.
+
+        With the velocity R(offset.heading) (vx, vy) + w (offset.y, -offset.x) of the
+        wheels' centre, each wheel turns with (vx -+ vy -+ reach w) / radius.
+        """
+        w = velocity[2]
+        vx, vy = rotate(velocity[0], velocity[1], self.offset.heading)
+        vx, vy = vx + self.offset.y * w, vy - self.offset.x * w
+        turn = self.reach * w
+        return MecanumWheels(
+            (vx - vy - turn) / self.radius,
+            (vx + vy + turn) / self.radius,
+            (vx - vy + turn) / self.radius,
+            (vx + vy - turn) / self.radius,
+        )
+
+    def to_base(self, wheels: MecanumWheels) -> tuple[float, float, float]:
+        """Return the velocity of the base frame that fits the wheels best."""
+        front_left, front_right, rear_right, rear_left = wheels
+        quarter = self.radius / 4.0
+        vx = quarter * (front_left + rear_left + rear_right + front_right)
+        vy = quarter * (-front_left + rear_left - rear_right + front_right)
+        w = quarter / self.reach * (-front_left - rear_left + rear_right + front_right)
+        back = -self.offset.heading
+        vx, vy = rotate(vx, vy, back)
+        x, y = rotate(-self.offset.x, -self.offset.y, back)
+        return vx + y * w, vy - x * w, w
+
+
+def rotate(x: float, y: float, angle: float) -> tuple[float, float]:
+    """Return a vector turned to the left by an angle [rad]."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    return cos * x - sin * y, sin * x + cos * y
 
 
 # A steering angle below which the base goes straight on [rad].

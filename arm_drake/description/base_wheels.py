@@ -26,8 +26,13 @@ from arm_drake.description.claimed_hardware import (
     humble_wheel_parameters,
     texts_of,
 )
-from arm_drake.description.controllers import ControllerManagerConfig
-from arm_drake.description.gazebo_plugins import DiffDrive, GazeboRosDiffDrive
+from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
+from arm_drake.description.gazebo_plugins import (
+    BaseHolder,
+    GazeboRosDiffDrive,
+    MecanumDrive,
+    WheelDrive,
+)
 from arm_drake.description.inertia import in_link_axes, link_solid, take_mass
 from arm_drake.description.joints import (
     JointInfo,
@@ -60,6 +65,13 @@ class MobileBase:
     # Link whose odometry the controller publishes.
     link: str
 
+    # Of driven wheels that have rollers: how far the axis of a roller that touches the
+    # ground points to the right, per way forwards; else empty.
+    slants: tuple[float, ...] = ()
+
+    # What the controller says of their radius [m].
+    wheel_radius: float = 0.0
+
 
 def find_bases(
     description: RobotDescription, config: ControllerManagerConfig
@@ -74,13 +86,32 @@ def find_bases(
         tags = [
             tag
             for tag in controller.plugins
-            if isinstance(tag, DiffDrive | GazeboRosDiffDrive)
+            if isinstance(tag, WheelDrive | GazeboRosDiffDrive)
         ]
-        if tags:
-            names = [n for tag in tags for n in (*tag.left_joints, *tag.right_joints)]
-            driven = tuple(n for n in dict.fromkeys(names) if n in joints)
-            link = tags[0].base_link or description.base
-            bases.append(MobileBase(controller.name, driven, (), link))
+        for tag in tags:
+            driven, steered = (
+                tuple(n for n in dict.fromkeys(names) if n in joints)
+                for names in (tag.driven_joints, tag.steered_joints)
+            )
+            link = tag.base_link or description.base
+            base = MobileBase(controller.name, driven, steered, link)
+            if isinstance(tag, MecanumDrive):
+                by_joint = {
+                    joint: slant
+                    for corner, slant in zip(tag.corners, _CORNERS, strict=True)
+                    for joint in corner
+                }
+                base = dc.replace(
+                    base,
+                    slants=tuple(by_joint[joint] for joint in driven),
+                    wheel_radius=tag.wheel_radius,
+                )
+            bases.append(base)
+        bases += [
+            MobileBase(controller.name, (), (), tag.base_link or description.base)
+            for tag in controller.plugins
+            if isinstance(tag, BaseHolder)
+        ]
         if controller.type not in WHEEL_PARAMETERS:
             continue
         parameters = WHEEL_PARAMETERS[controller.type]
@@ -95,8 +126,24 @@ def find_bases(
         link = "base_link" if frame is None else str(frame.value)
         if link not in description.links:
             link = description.base
-        bases.append(MobileBase(controller.name, driven, steered, link))
+        slants, radius = _rollers_by_parameters(controller, len(driven))
+        bases.append(MobileBase(controller.name, driven, steered, link, slants, radius))
     return tuple(bases)
+
+
+def _rollers_by_parameters(
+    controller: ControllerConfig, number: int
+) -> tuple[tuple[float, ...], float]:
+    """Return slants and radius [m] of wheels with rollers; () if there are none."""
+    if controller.type not in _RADIUS:
+        return (), 0.0
+    parameter = controller.parameters.get(_RADIUS[controller.type])
+    radius = parameter.value if parameter is not None else 0.0
+    if not isinstance(radius, int | float):
+        return (), 0.0  # The controller doesn't load, and says why.
+    if controller.type != MECANUM:
+        return (0.0,) * number, float(radius)
+    return (_TO_THE_RIGHT if number == len(_TO_THE_RIGHT) else ()), float(radius)
 
 
 def moved_joints(description: RobotDescription, joint: str) -> list[JointInfo]:
@@ -387,10 +434,13 @@ OMNI: Final = "omni_wheel_drive_controller/OmniWheelDriveController"
 # Parameters with the radius of the wheels [m].
 _RADIUS: Final = {MECANUM: "kinematics.wheels_radius", OMNI: "wheel_radius"}
 
-# Of a mecanum wheel that touches the ground with a roller: whether the roller's axis
-# points to the right, seen forwards. The order is that of the joints' parameters: front
-# left, front right, rear right, rear left.
-_TO_THE_RIGHT: Final = (True, False, True, False)
+# Slants of mecanum wheels. The order is that of the joints' parameters: front left,
+# front right, rear right, rear left.
+_TO_THE_RIGHT: Final = (1.0, -1.0, 1.0, -1.0)
+
+# The same in the order of Gazebo's MecanumDrive: front left, front right, back left,
+# back right.
+_CORNERS: Final = (1.0, -1.0, -1.0, 1.0)
 
 # Rollers of a wheel, and their radius at the middle as part of the wheel's. With these
 # the rim is round to 0.1 % of the radius, see `Rollers.semi_axis`.
@@ -444,9 +494,7 @@ class Rollers:
 
 
 def find_rollers(
-    description: RobotDescription,
-    config: ControllerManagerConfig,
-    bases: Iterable[MobileBase],
+    description: RobotDescription, bases: Iterable[MobileBase]
 ) -> list[Rollers]:
     """Return the rollers that the wheels of mecanum and omni bases lack.
 
@@ -454,27 +502,15 @@ def find_rollers(
     that of the wheel's largest cylinder or sphere to collide with, else what the
     controller says.
     """
-    types = {controller.name: controller for controller in config.controllers}
-
-    found: list[Rollers] = []
-    for base in bases:
-        controller = types[base.controller]
-        if controller.type not in _RADIUS:
-            continue
-        parameter = controller.parameters.get(_RADIUS[controller.type])
-        radius = parameter.value if parameter is not None else 0.0
-        if not isinstance(radius, int | float):
-            continue  # The controller doesn't load, and says why.
-        is_mecanum = controller.type == MECANUM
-        if is_mecanum and len(base.driven) != len(_TO_THE_RIGHT):
-            continue
-        for joint, is_right in zip(
-            base.driven, _TO_THE_RIGHT * len(base.driven), strict=False
-        ):
-            sideways = (1.0 if is_right else -1.0) if is_mecanum else 0.0
-            wheel = description.joint(joint)
-            found += _rollers_of(description, base.link, wheel, sideways, float(radius))
-    return found
+    return [
+        rollers
+        for base in bases
+        if base.slants
+        for joint, slant in zip(base.driven, base.slants, strict=True)
+        for rollers in _rollers_of(
+            description, base.link, description.joint(joint), slant, base.wheel_radius
+        )
+    ]
 
 
 def _rollers_of(

@@ -14,7 +14,7 @@ import dataclasses as dc
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,13 +27,16 @@ from arm_drake.description.elements import (
 )
 from arm_drake.description.gazebo_plugins import (
     KINDS,
-    DiffDrive,
+    AckermannSteering,
     GazeboRosDiffDrive,
     JointPlugin,
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
+    MecanumDrive,
     OdometryPublisher,
+    VelocityControl,
+    WheelDrive,
 )
 from arm_drake.description.joints import JointInfo
 from arm_drake.description.report import LoadReport
@@ -51,10 +54,10 @@ _SENSORS = re.compile(r"(gz-sim|ignition-gazebo)\d*-sensors-system")
 
 # Libraries that move a robot, and for which nothing stands in.
 _MOVING = re.compile(
-    r"(gz-sim|ignition-gazebo)\d*-(ackermann-steering|mecanum-drive|tracked-vehicle"
-    r"|track-controller|velocity-control|trajectory-follower|thruster"
+    r"(gz-sim|ignition-gazebo)\d*-(tracked-vehicle"
+    r"|track-controller|trajectory-follower|thruster"
     r"|multicopter-[a-z-]+|apply-link-wrench)-system"
-    r"|gazebo_ros_(ackermann_drive|tricycle_drive|planar_move|force|hand_of_god)"
+    r"|gazebo_ros_(ackermann_drive|tricycle_drive|force|hand_of_god)"
 )
 
 # What publishes what cameras and lidars see.
@@ -338,6 +341,8 @@ class _FieldReader(ElementReader):
         for field in dc.fields(typed):
             if not field.metadata.get("joints") or getattr(typed, field.name):
                 continue
+            if not typed.needs(field.name):
+                continue
             tags = field.metadata["tags"]
             is_present = any(plugin.texts(tag) for tag in tags)
             if is_present:
@@ -347,11 +352,12 @@ class _FieldReader(ElementReader):
                 return f"no joint; expected <{tags[0]}>"
         if isinstance(typed, JointPositionController) and typed.joint_index:
             return f"joint_index {typed.joint_index}: a joint has one axis, of index 0"
+        if isinstance(typed, VelocityControl):
+            return _vector_problem(typed, "initial_linear", "initial_angular")
         if isinstance(typed, OdometryPublisher):
             return _odometry_problem(typed)
-        if isinstance(typed, DiffDrive):
-            separations, radii = (typed.wheel_separation,), (typed.wheel_radius,)
-            return _measure_problem(separations, radii) or _topics_problem(typed)
+        if isinstance(typed, WheelDrive):
+            return _drive_problem(typed)
         if isinstance(typed, GazeboRosDiffDrive):
             return _classic_problem(plugin, typed)
         return None
@@ -360,13 +366,32 @@ class _FieldReader(ElementReader):
 def _odometry_problem(typed: OdometryPublisher) -> str | None:
     if typed.dimensions not in (2, 3):
         return f"dimensions: expected 2 or 3, got {typed.dimensions}"
-    for name in ("xyz_offset", "rpy_offset"):
+    problem = _vector_problem(typed, "xyz_offset", "rpy_offset")
+    return problem or _topics_problem(typed)
+
+
+def _vector_problem(typed: JointPlugin, *names: str) -> str | None:
+    for name in names:
         if len(numbers := getattr(typed, name)) not in (0, 3):
             return f"{name}: expected three numbers, got {len(numbers)}"
-    return _topics_problem(typed)
+    return None
 
 
-def _topics_problem(typed: OdometryPublisher | DiffDrive) -> str | None:
+def _drive_problem(typed: WheelDrive) -> str | None:
+    lengths = {"wheel_separation": (typed.wheel_separation,)}
+    if isinstance(typed, MecanumDrive):
+        lengths["wheelbase"] = (typed.wheelbase,)
+    if isinstance(typed, AckermannSteering):
+        lengths["wheel_base"] = (typed.wheel_base,)
+        lengths["kingpin_width"] = (typed.kingpin_width,)
+        if not 0.0 < typed.steering_limit < math.pi / 2.0:
+            expected = "expected an angle above 0 and below a quarter of a turn"
+            return f"steering_limit: {expected}, got {typed.steering_limit:g}"
+    lengths["wheel_radius"] = (typed.wheel_radius,)
+    return _measure_problem(lengths) or _topics_problem(typed)
+
+
+def _topics_problem(typed: OdometryPublisher | WheelDrive) -> str | None:
     """Return what is wrong with the names of topics of two types."""
     odom, tf = (name.strip("/") for name in (typed.odom_topic, typed.tf_topic))
     return f"odom_topic and tf_topic are both {odom!r}" if odom and odom == tf else None
@@ -389,14 +414,14 @@ def _classic_problem(plugin: GazeboPlugin, typed: GazeboRosDiffDrive) -> str | N
         acceleration = typed.max_wheel_acceleration
         return f"max_wheel_acceleration: expected at least 0, got {acceleration:g}"
     diameters = tuple(2.0 * radius for radius in typed.radii)
-    return _measure_problem(typed.separations, diameters, "wheel_diameter")
+    return _measure_problem(
+        {"wheel_separation": typed.separations, "wheel_diameter": diameters}
+    )
 
 
-def _measure_problem(
-    separations: Sequence[float], sizes: Sequence[float], noun: str = "wheel_radius"
-) -> str | None:
-    """Return why a base with such wheels can't drive, or None."""
-    for name, values in (("wheel_separation", separations), (noun, sizes)):
+def _measure_problem(lengths: Mapping[str, Sequence[float]]) -> str | None:
+    """Return why a base with such measures can't drive, or None."""
+    for name, values in lengths.items():
         for value in values:
             if not 0.0 < value < math.inf:
                 return f"{name}: expected a length above 0 m, got {value:g}"

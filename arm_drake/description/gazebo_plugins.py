@@ -8,11 +8,13 @@ Sources of the fields and of their defaults:
 - gz-sim, src/systems: joint_position_controller/JointPositionController.{hh,cc},
   joint_controller/JointController.{hh,cc}, apply_joint_force/ApplyJointForce.cc,
   joint_trajectory_controller/JointTrajectoryController.{hh,cc}, joint_state_publisher/
-  JointStatePublisher.{hh,cc}, diff_drive/DiffDrive.cc, odometry_publisher/
-  OdometryPublisher.cc, contact/Contact.cc
+  JointStatePublisher.{hh,cc}, diff_drive/DiffDrive.cc, mecanum_drive/MecanumDrive.cc,
+  ackermann_steering/AckermannSteering.cc, velocity_control/VelocityControl.cc,
+  odometry_publisher/OdometryPublisher.cc, contact/Contact.cc
 - gazebo_ros_pkgs, branch ros2, gazebo_plugins/src:
   gazebo_ros_joint_state_publisher.cpp,
-  gazebo_ros_joint_pose_trajectory.cpp, gazebo_ros_diff_drive.cpp, gazebo_ros_bumper.cpp
+  gazebo_ros_joint_pose_trajectory.cpp, gazebo_ros_diff_drive.cpp,
+  gazebo_ros_planar_move.cpp, gazebo_ros_bumper.cpp
 - gz_ros2_control: gz_ros2_control_plugin.cpp; gazebo_ros2_control:
   gazebo_ros2_control_plugin.cpp
 """
@@ -36,6 +38,11 @@ def joint_tags(*names: str) -> Any:
 @dc.dataclass(frozen=True)
 class JointPlugin:
     """A plugin that moves or reports joints."""
+
+    def needs(self, field: str) -> bool:
+        """Return whether it does nothing without joints in a field of joints."""
+        del field
+        return True
 
 
 @dc.dataclass(frozen=True)
@@ -198,6 +205,49 @@ class JointStatePublisher(JointPlugin):
 
 
 @dc.dataclass(frozen=True)
+class BaseHolder(JointPlugin):
+    """A plugin that sets the velocity of the robot's base, whatever it takes."""
+
+    # The link that the robot hangs from.
+    base_link: str = dc.field(default="", kw_only=True, metadata={"tags": ()})
+
+
+@dc.dataclass(frozen=True)
+class VelocityControl(BaseHolder):
+    """Sets the velocity of the robot's base in every step."""
+
+    # Velocity from the start, along the base's axes [m/s], [rad/s]; empty is 0.
+    initial_linear: tuple[float, ...] = ()
+    initial_angular: tuple[float, ...] = ()
+
+    # Empty: "/model/<model>/cmd_vel".
+    topic: str = ""
+
+    # Links with topics of their own, which aren't moved here.
+    link_names: tuple[str, ...] = tags("link_name")
+
+
+@dc.dataclass(frozen=True)
+class GazeboRosPlanarMove(BaseHolder):
+    """Sets the velocity of the robot's base by "cmd_vel", in Gazebo Classic."""
+
+    # How often it is set, and told [Hz]; 0 is every step.
+    update_rate: float = 20.0
+    publish_rate: float = 20.0
+
+    odometry_frame: str = "odom"
+    robot_base_frame: str = "base_footprint"
+    publish_odom: bool = True
+    publish_odom_tf: bool = True
+    covariance_x: float = 0.00001
+    covariance_y: float = 0.00001
+    covariance_yaw: float = 0.001
+
+    namespace: str = tags("ros/namespace", default="")
+    remappings: tuple[str, ...] = tags("ros/remapping", "ros/argument")
+
+
+@dc.dataclass(frozen=True)
 class OdometryPublisher(JointPlugin):
     """Publishes where the robot really is."""
 
@@ -253,12 +303,9 @@ class GazeboRosJointPoseTrajectory(JointPlugin):
     remappings: tuple[str, ...] = tags("ros/remapping", "ros/argument")
 
 
-@dc.dataclass(frozen=True)
-class DiffDrive(JointPlugin):
-    """Drives wheels on two sides by velocity commands."""
-
-    left_joints: tuple[str, ...] = joint_tags("left_joint")
-    right_joints: tuple[str, ...] = joint_tags("right_joint")
+@dc.dataclass(frozen=True, kw_only=True)
+class WheelDrive(JointPlugin):
+    """What Gazebo Sim's plugins that drive bases on wheels have in common."""
 
     # [m].
     wheel_separation: float = 1.0
@@ -280,7 +327,28 @@ class DiffDrive(JointPlugin):
     min_jerk: float = -math.inf
     max_jerk: float = math.inf
 
-    # The same of one of the two; NaN is the limit of both.
+    # Empty: "<model>/odom" and "<model>/<base link>".
+    frame_id: str = ""
+    child_frame_id: str = ""
+
+    # The link that the robot hangs from.
+    base_link: str = tags(default="")
+
+    @property
+    def driven_joints(self) -> tuple[str, ...]:
+        """Joints of wheels that it turns."""
+        return ()
+
+    @property
+    def steered_joints(self) -> tuple[str, ...]:
+        """Joints by which it steers."""
+        return ()
+
+
+@dc.dataclass(frozen=True, kw_only=True)
+class LimitedDrive(WheelDrive):
+    """One that has limits of linear and of turning speed; NaN is the limit of both."""
+
     min_linear_velocity: float = math.nan
     max_linear_velocity: float = math.nan
     min_linear_acceleration: float = math.nan
@@ -294,12 +362,104 @@ class DiffDrive(JointPlugin):
     min_angular_jerk: float = math.nan
     max_angular_jerk: float = math.nan
 
-    # Empty: "<model>/odom" and "<model>/<base link>".
-    frame_id: str = ""
-    child_frame_id: str = ""
 
-    # The link that the robot hangs from.
-    base_link: str = tags(default="")
+@dc.dataclass(frozen=True)
+class DiffDrive(LimitedDrive):
+    """Drives wheels on two sides by velocity commands."""
+
+    left_joints: tuple[str, ...] = joint_tags("left_joint")
+    right_joints: tuple[str, ...] = joint_tags("right_joint")
+
+    @property
+    def driven_joints(self) -> tuple[str, ...]:
+        """Joints of wheels that it turns."""
+        return (*self.left_joints, *self.right_joints)
+
+
+@dc.dataclass(frozen=True)
+class MecanumDrive(LimitedDrive):
+    """Drives mecanum wheels at four corners by velocity commands."""
+
+    front_left_joints: tuple[str, ...] = joint_tags("front_left_joint")
+    front_right_joints: tuple[str, ...] = joint_tags("front_right_joint")
+    back_left_joints: tuple[str, ...] = joint_tags("back_left_joint")
+    back_right_joints: tuple[str, ...] = joint_tags("back_right_joint")
+
+    # Distance of the axles [m].
+    wheelbase: float = 1.0
+
+    @property
+    def corners(self) -> tuple[tuple[str, ...], ...]:
+        """The joints of each corner: front left, front right, back left, back right."""
+        front = (self.front_left_joints, self.front_right_joints)
+        return (*front, self.back_left_joints, self.back_right_joints)
+
+    @property
+    def driven_joints(self) -> tuple[str, ...]:
+        """Joints of wheels that it turns."""
+        return tuple(joint for corner in self.corners for joint in corner)
+
+
+@dc.dataclass(frozen=True)
+class AckermannSteering(WheelDrive):
+    """Drives wheels by velocity commands, and steers two by their angles."""
+
+    left_joints: tuple[str, ...] = joint_tags("left_joint")
+    right_joints: tuple[str, ...] = joint_tags("right_joint")
+    left_steering_joints: tuple[str, ...] = joint_tags("left_steering_joint")
+    right_steering_joints: tuple[str, ...] = joint_tags("right_steering_joint")
+
+    # Distances of the steering joints from each other, and of the axles [m].
+    kingpin_width: float = 0.8
+    wheel_base: float = 1.0
+
+    # Largest angle of steering [rad].
+    steering_limit: float = 0.5
+
+    # Velocity of a steering joint per error of its angle; the limits of the integral
+    # term and of the velocity [rad/s].
+    steer_p_gain: float = 1.0
+    steer_i_gain: float = 0.0
+    steer_d_gain: float = 0.0
+    steer_i_max: float = 0.0
+    steer_i_min: float = 0.0
+    steer_cmd_max: float = 1000.0
+    steer_cmd_min: float = -1000.0
+    steer_cmd_offset: float = 0.0
+
+    # Whether it steers alone, by the angle of "/model/<model>/steer_angle" [rad].
+    steering_only: bool = False
+
+    # With a number of the actuator it steers alone, too; -1 is none.
+    use_actuator_msg: bool = False
+    actuator_number: int = -1
+
+    # Empty, or the end of "/model/<model>/<sub_topic>".
+    sub_topic: str = ""
+
+    @property
+    def is_steering_alone(self) -> bool:
+        """Whether it leaves the wheels alone."""
+        return self.steering_only or (
+            self.use_actuator_msg and self.actuator_number >= 0
+        )
+
+    @property
+    def driven_joints(self) -> tuple[str, ...]:
+        """Joints of wheels that it turns."""
+        if self.is_steering_alone:
+            return ()
+        return (*self.left_joints, *self.right_joints)
+
+    @property
+    def steered_joints(self) -> tuple[str, ...]:
+        """Joints by which it steers."""
+        return (*self.left_steering_joints, *self.right_steering_joints)
+
+    def needs(self, field: str) -> bool:
+        """Return whether it does nothing without joints in a field of joints."""
+        is_of_wheels = field in ("left_joints", "right_joints")
+        return not (is_of_wheels and self.is_steering_alone)
 
 
 @dc.dataclass(frozen=True)
@@ -348,6 +508,16 @@ class GazeboRosDiffDrive(JointPlugin):
     wheel_links: tuple[tuple[str, str], ...] = tags()
 
     @property
+    def driven_joints(self) -> tuple[str, ...]:
+        """Joints of wheels that it turns."""
+        return (*self.left_joints, *self.right_joints)
+
+    @property
+    def steered_joints(self) -> tuple[str, ...]:
+        """Joints by which it steers: none."""
+        return ()
+
+    @property
     def separations(self) -> tuple[float, ...]:
         """Distance of the wheels of each pair [m]."""
         return self._per_pair(self.wheel_separation, 0.34)
@@ -371,10 +541,14 @@ KINDS: Mapping[str, type[JointPlugin]] = {
     "joint_trajectory_controller": JointTrajectoryController,
     "joint_state_publisher": JointStatePublisher,
     "diff_drive": DiffDrive,
+    "mecanum_drive": MecanumDrive,
+    "ackermann_steering": AckermannSteering,
+    "velocity_control": VelocityControl,
     "odometry_publisher": OdometryPublisher,
     "gazebo_ros_joint_state_publisher": GazeboRosJointStatePublisher,
     "gazebo_ros_joint_pose_trajectory": GazeboRosJointPoseTrajectory,
     "gazebo_ros_diff_drive": GazeboRosDiffDrive,
+    "gazebo_ros_planar_move": GazeboRosPlanarMove,
 }
 
 

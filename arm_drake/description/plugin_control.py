@@ -19,17 +19,23 @@ from arm_drake.description.controllers import (
 )
 from arm_drake.description.elements import free_name
 from arm_drake.description.gazebo_plugins import (
+    AckermannSteering,
     ApplyJointForce,
+    BaseHolder,
     DiffDrive,
     GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
+    GazeboRosPlanarMove,
     JointController,
     JointPlugin,
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
+    MecanumDrive,
     OdometryPublisher,
+    VelocityControl,
+    WheelDrive,
 )
 from arm_drake.description.joints import WORLD, JointInfo, JointLimits
 from arm_drake.description.parameters import Parameter
@@ -43,12 +49,17 @@ OneOfJoints: TypeAlias = (
     | ApplyJointForce
     | JointTrajectoryController
 )
-Driving: TypeAlias = DiffDrive | GazeboRosDiffDrive
+Driving: TypeAlias = WheelDrive | GazeboRosDiffDrive
 Moving: TypeAlias = OneOfJoints | Driving | GazeboRosJointPoseTrajectory
 
 # Plugins that run as controllers.
 RunPlugin: TypeAlias = (
-    Moving | JointStatePublisher | GazeboRosJointStatePublisher | OdometryPublisher
+    Moving
+    | JointStatePublisher
+    | GazeboRosJointStatePublisher
+    | OdometryPublisher
+    | VelocityControl
+    | GazeboRosPlanarMove
 )
 
 
@@ -69,7 +80,11 @@ def moving_plugins(description: RobotDescription) -> tuple[JointPlugin, ...]:
 
 
 def plugin_joints(description: RobotDescription) -> frozenset[str]:
-    """Return the joints that plugins move, and those that these follow."""
+    """Return the joints that plugins move, and those that these follow.
+
+    Beside a plugin that moves a base, what turns without limits and isn't commanded is
+    a wheel that rolls freely; a controller that held it would be a brake.
+    """
     movable = {joint.name: joint for joint in description.movable_joints}
     requested = {
         (name, interface_of(plugin))
@@ -77,6 +92,10 @@ def plugin_joints(description: RobotDescription) -> frozenset[str]:
         for name in _joints_of(plugin, movable)
     }
     names = {name for name, _ in requested}
+    if any(
+        isinstance(plugin, Driving | BaseHolder) for plugin in description.joint_plugins
+    ):
+        names |= {n for n, joint in movable.items() if joint.type == "continuous"}
     carriers = {find_carrier(movable, *key) for key in requested}
     return frozenset(names | {name for name in carriers if name is not None})
 
@@ -161,10 +180,19 @@ class PluginSorter:
     ) -> list[PluginTag]:
         """Return a plugin of fewer wheels; none and a line if they can't drive."""
         driving = _keep_wheels(plugin, own_joints)
-        if driving.left_joints and driving.right_joints:
-            wheels = dict.fromkeys((*driving.left_joints, *driving.right_joints))
-            return [PluginTag(driving, tuple(wheels))]
-        self._report(plugin, ("no wheels are left on both sides", "it is left out"))
+        empty = [
+            field.metadata["tags"][0]
+            for field in dc.fields(driving)
+            if field.metadata.get("joints")
+            and driving.needs(field.name)
+            and not getattr(driving, field.name)
+        ]
+        if not empty:
+            return [PluginTag(driving, tuple(_moved_by(driving)))]
+        what = "no wheels are left on both sides"
+        if not isinstance(plugin, DiffDrive | GazeboRosDiffDrive):
+            what = f"no joints are left of {', '.join(f'<{tag}>' for tag in empty)}"
+        self._report(plugin, (what, "it is left out"))
         return []
 
     def _find_problem(
@@ -230,14 +258,16 @@ def _with_joints(
 
 def _keep_wheels(plugin: Driving, own_joints: Collection[str]) -> Driving:
     """Return a plugin with these wheels alone; in Classic they go in pairs."""
-    left, right = plugin.left_joints, plugin.right_joints
-    if set(left + right) <= set(own_joints):
+    if set(_moved_by(plugin)) <= set(own_joints):
         return plugin
-    if isinstance(plugin, DiffDrive):
-        left, right = (
-            tuple(n for n in side if n in own_joints) for side in (left, right)
-        )
-        return dc.replace(plugin, left_joints=left, right_joints=right)
+    if not isinstance(plugin, GazeboRosDiffDrive):
+        changes: dict[str, Any] = {
+            field.name: tuple(n for n in getattr(plugin, field.name) if n in own_joints)
+            for field in dc.fields(plugin)
+            if field.metadata.get("joints")
+        }
+        return dc.replace(plugin, **changes)
+    left, right = plugin.left_joints, plugin.right_joints
     pairs = list(enumerate(zip(left, right, strict=True)))
     at = [k for k, pair in pairs if set(pair) <= set(own_joints)]
     return dc.replace(
@@ -250,6 +280,11 @@ def _keep_wheels(plugin: Driving, own_joints: Collection[str]) -> Driving:
     )
 
 
+def _moved_by(plugin: Driving) -> list[str]:
+    """Return the joints that a drive turns, each once, then those that it steers."""
+    return list(dict.fromkeys((*plugin.driven_joints, *plugin.steered_joints)))
+
+
 def _joints_of(plugin: JointPlugin, movable: Collection[str]) -> list[str]:
     """Return the joints that a plugin asks for."""
     if not isinstance(plugin, Moving):
@@ -257,8 +292,7 @@ def _joints_of(plugin: JointPlugin, movable: Collection[str]) -> list[str]:
     if isinstance(plugin, GazeboRosJointPoseTrajectory):
         return list(movable)
     if isinstance(plugin, Driving):
-        wheels = dict.fromkeys((*plugin.left_joints, *plugin.right_joints))
-        return [name for name in wheels if name in movable]
+        return [name for name in _moved_by(plugin) if name in movable]
     names = [name for name in dict.fromkeys(plugin.joint_names) if name in movable]
     if isinstance(plugin, JointTrajectoryController):
         return names or list(movable)
@@ -279,11 +313,15 @@ PLUGIN_TYPES: dict[type[RunPlugin], str] = {
     ApplyJointForce: "gz::sim::systems::ApplyJointForce",
     JointTrajectoryController: "gz::sim::systems::JointTrajectoryController",
     JointStatePublisher: "gz::sim::systems::JointStatePublisher",
+    AckermannSteering: "gz::sim::systems::AckermannSteering",
     DiffDrive: "gz::sim::systems::DiffDrive",
+    MecanumDrive: "gz::sim::systems::MecanumDrive",
+    VelocityControl: "gz::sim::systems::VelocityControl",
     OdometryPublisher: "gz::sim::systems::OdometryPublisher",
     GazeboRosJointPoseTrajectory: "gazebo_plugins/GazeboRosJointPoseTrajectory",
     GazeboRosJointStatePublisher: "gazebo_plugins/GazeboRosJointStatePublisher",
     GazeboRosDiffDrive: "gazebo_plugins/GazeboRosDiffDrive",
+    GazeboRosPlanarMove: "gazebo_plugins/GazeboRosPlanarMove",
 }
 
 
@@ -301,7 +339,7 @@ def add_plugins(
     tags = [_with_links(tag, description) for tag in sorter.sort(plugins)]
     if not tags:
         return description, config
-    if any(tag.joints for tag in tags):
+    if any(tag.joints or isinstance(tag.plugin, BaseHolder) for tag in tags):
         config = _at_rate(config, description.file, report)
     names = {controller.name for controller in config.controllers}
     added = tuple(_controllers(tags, names, description.file))
@@ -310,6 +348,7 @@ def add_plugins(
     description = dc.replace(description, hardware=hardware)
     description = _with_torques(description, tags, report)
     joints = _without_limits(description, tags, report)
+    _report_holders(description, tags, report)
     return (
         dc.replace(description, joints=joints),
         dc.replace(config, controllers=(*config.controllers, *added)),
@@ -343,10 +382,25 @@ def _without_limits(
     )
 
 
+def _report_holders(
+    description: RobotDescription, tags: Sequence[PluginTag], report: LoadReport
+) -> None:
+    """Record how plugins that set the velocity of the base are simulated."""
+    for plugin in (tag.plugin for tag in tags):
+        if not isinstance(plugin, VelocityControl | GazeboRosPlanarMove):
+            continue
+        what = f"{type(plugin).__name__} sets the velocity of link {plugin.base_link!r}"
+        done = "a force without a limit does it, in every step"
+        if isinstance(plugin, GazeboRosPlanarMove) and plugin.update_rate > 0.0:
+            done = f"a force without a limit does it, {plugin.update_rate:g} times per "
+            done += "second; in between, what rubs on the ground brakes it"
+        report.add("info", "repair", what, done, file=description.file)
+
+
 def _with_links(tag: PluginTag, description: RobotDescription) -> PluginTag:
     """Return a tag that knows the links whose poses it publishes."""
     plugin = tag.plugin
-    if not isinstance(plugin, Driving | OdometryPublisher):
+    if not isinstance(plugin, Driving | BaseHolder | OdometryPublisher):
         return tag
     # One that hangs from the world has no root.
     base = next(link for link in description.links if link != WORLD)
@@ -377,11 +431,12 @@ def _with_torques(
         if isinstance(plugin, GazeboRosDiffDrive):
             found, torque = list(tag.joints), plugin.max_wheel_torque
             what, more = "gazebo_ros_diff_drive turns", "; they have no velocity limit"
-        elif isinstance(plugin, DiffDrive):
+        elif isinstance(plugin, WheelDrive):
             found = [n for n in tag.joints if joints[n].limits.effort is None]
             weight = _GRAVITY * total_mass(description)
             torque, more = _GRIP * weight * plugin.wheel_radius, ""
-            what = "DiffDrive has wheels without an effort limit:"
+            parts = "joints" if plugin.steered_joints else "wheels"
+            what = f"{type(plugin).__name__} has {parts} without an effort limit:"
         else:
             continue
         for name in found:

@@ -194,15 +194,21 @@ def connect_forces(
             D[:, column] = v
         name = f"{plant.GetModelInstanceName(model)}:forces"
         ports.append(Wiring(builder).times(name, D, port))
-    if len(ports) > 1:
-        total = builder.AddNamedSystem(
-            "plant:generalized_forces", Adder(len(ports), plant.num_velocities())
-        )
-        for index, port in enumerate(ports):
-            builder.Connect(port, total.get_input_port(index))
-        ports = [total.get_output_port()]
-    for port in ports:
-        builder.Connect(port, plant.get_applied_generalized_force_input_port())
+    if ports:
+        total = add_up(builder, "plant:generalized_forces", ports)
+        builder.Connect(total, plant.get_applied_generalized_force_input_port())
+
+
+def add_up(
+    builder: DiagramBuilder, name: str, ports: Sequence[OutputPort]
+) -> OutputPort:
+    """Return the sum of ports of one size, one at least."""
+    if len(ports) == 1:
+        return ports[0]
+    total = builder.AddNamedSystem(name, Adder(len(ports), ports[0].size()))
+    for index, port in enumerate(ports):
+        builder.Connect(port, total.get_input_port(index))
+    return total.get_output_port()
 
 
 def add_state_interfaces(

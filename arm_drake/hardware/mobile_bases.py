@@ -7,14 +7,21 @@ from typing import NamedTuple
 import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.geometry import SceneGraph
-from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, RigidBody
+from pydrake.multibody.tree import (
+    BodyIndex,
+    ModelInstanceIndex,
+    MultibodyForces,
+    RigidBody,
+)
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, OutputPort
 
+from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import ControllerInterface
+from arm_drake.controllers.gazebo.velocity_control import HeldTwist
 from arm_drake.description.base_wheels import (
     Axle,
     MobileBase,
@@ -282,6 +289,80 @@ def _slip(
     return along * wheel.roller[0] + across * wheel.roller[1], 0.0
 
 
+class BaseServo(PythonSystem):
+    """Lets a free base have a velocity, whatever it takes.
+
+    .. pydrake_system::
+
+        name: BaseServo
+        input_ports:
+        - state
+        - held_twist
+        output_ports:
+        - generalized_force
+
+    =================  ====  ==========  ===============================================
+    port               size  unit        meaning
+    =================  ====  ==========  ===============================================
+    state              --    --          of the robot in the plant
+    held_twist         --    --          HeldTwist; None is no force
+    generalized_force  n     N, N·m, ..  along the robot's n velocities
+    =================  ====  ==========  ===============================================
+
+    It has no state. As Gazebo, which sets the base's velocity before a step of the
+    physics, it makes for the step dt that lies ahead, with the mass matrix M::
+
+        force = M a, a = (v_held - v) / dt of the base's velocities v, 0 of the joints'
+
+    so that joints keep theirs, and all else that acts in the step, such as friction and
+    gravity, changes what is held by what it does in this step.
+    """
+
+    def __init__(
+        self, plant: MultibodyPlant, model: ModelInstanceIndex, link: str
+    ) -> None:
+        """Create the system for a finalized plant."""
+        super().__init__()
+        self._plant, self._model = plant, model
+        self._body = plant.GetBodyByName(link, model)
+        # Its angular velocity comes first, then the linear one, both in the world.
+        start = self._body.floating_velocities_start_in_v()
+        self._own = slice(start, start + 6)
+        self._dt = plant.time_step()
+        self._nothing = MultibodyForces(plant)
+        # To compute in; what it holds before doesn't count.
+        self._scratch = plant.CreateDefaultContext()
+        size = plant.num_multibody_states(model)
+        self._state = self.DeclareVectorInputPort("state", size)
+        twist = AbstractValue.Make(HeldTwist())
+        self._twist = self.DeclareAbstractInputPort(interfaces.TWIST_PORT, twist)
+        self.DeclareVectorOutputPort(
+            "generalized_force",
+            plant.num_velocities(model),
+            self._calc_force,
+            {self._state.ticket(), self._twist.ticket()},
+        )
+
+    def _calc_force(self, context: Context, output: BasicVector) -> None:
+        twist: HeldTwist | None = self._twist.Eval(context)
+        plant, model = self._plant, self._model
+        if twist is None:
+            output.SetZero()
+            return
+        own = self._scratch
+        plant.SetPositionsAndVelocities(own, model, self._state.Eval(context))
+        R_WB = plant.EvalBodyPoseInWorld(own, self._body).rotation()
+        if twist.is_level:
+            R_WB = RotationMatrix.MakeZRotation(RollPitchYaw(R_WB).yaw_angle())
+        held = [*(R_WB @ np.array(twist.angular)), *(R_WB @ np.array(twist.linear))]
+        a = np.zeros(plant.num_velocities())
+        a[self._own] = (held - plant.GetVelocities(own)[self._own]) / self._dt
+        # At rest no velocity makes a force of its own.
+        plant.SetVelocities(own, np.zeros(len(a)))
+        force = plant.CalcInverseDynamics(own, a, self._nothing)
+        output.SetFromVector(plant.GetVelocitiesFromArray(model, force))
+
+
 def _add_base_truths(
     builder: DiagramBuilder,
     plant: MultibodyPlant,
@@ -471,7 +552,7 @@ class RobotBases:
             bases = find_bases(description, robot.controllers)
         rolling = bases if has_physics else ()
         axles = find_axles(description, rolling)
-        rollers = find_rollers(description, robot.controllers, rolling)
+        rollers = find_rollers(description, rolling)
         return cls(robot, bases, tuple(axles), tuple(rollers))
 
     def describe(self) -> RobotDescription:
@@ -511,6 +592,47 @@ class RobotBases:
             for body in turning.get(link, [link])
         }
         set_friction(plant, scene_graph, model, friction)
+
+    def add_servo(
+        self,
+        builder: DiagramBuilder,
+        plant: MultibodyPlant,
+        model: ModelInstanceIndex,
+        controllers: Sequence[LoadedController],
+        report: LoadReport,
+        prefix: str,
+    ) -> OutputPort | None:
+        """Return the forces by which a system sets the velocity of the base, if any.
+
+        Of several systems the last one does. The plant is finalized.
+        """
+        holders = [
+            controller
+            for controller in controllers
+            if controller.system is not None
+            and controller.system.HasOutputPort(interfaces.TWIST_PORT)
+        ]
+        where = f"controller {', '.join(repr(each.name) for each in holders)}"
+        file = self.robot.description.file
+        if holders and not self.robot.has_free_base:
+            what = "a joint holds the base in the world"
+            done = "it doesn't move; expected a base without a link 'world'"
+            report.add("warning", "unsupported", what, done, where=where, file=file)
+            return None
+        if len(holders) > 1:
+            what, done = "several plugins set the velocity of the base", "the last does"
+            report.add("warning", "ignored", what, done, where=where, file=file)
+        if not holders or holders[-1].system is None:
+            return None
+        link = self.robot.description.base
+        servo = builder.AddNamedSystem(
+            f"{prefix}base_servo", BaseServo(plant, model, link)
+        )
+        state = plant.get_state_output_port(model)
+        builder.Connect(state, servo.GetInputPort("state"))
+        twist = holders[-1].system.GetOutputPort(interfaces.TWIST_PORT)
+        builder.Connect(twist, servo.GetInputPort(interfaces.TWIST_PORT))
+        return servo.get_output_port()
 
     def add_truths(
         self,

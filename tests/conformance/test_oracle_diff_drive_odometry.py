@@ -6,8 +6,8 @@ import pytest
 
 from arm_drake.control.odometry import (
     DiffDriveKinematics,
-    DiffDriveOdometryState,
     RollingMean,
+    WheelOdometryState,
     from_commands,
 )
 from tests.oracle import assert_close, oracle_cases
@@ -26,7 +26,7 @@ def test_odometry_equals_upstream(case: dict[str, Any]) -> None:
         "position": kinematics.from_positions,
         "velocity": kinematics.from_velocities,
     }[inputs["mode"]]
-    state = DiffDriveOdometryState(RollingMean(inputs["window"]))
+    state = WheelOdometryState(RollingMean(inputs["window"]))
 
     for step, (ok, *expected) in zip(
         inputs["steps"], case["output"]["rows"], strict=True

@@ -5,11 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.control.odometry import PlanarPose
+from arm_drake.control.odometry import MecanumKinematics, MecanumWheels, PlanarPose
 from arm_drake.controllers.bases.mecanum_drive_controller import (
-    MecanumKinematics,
     MecanumOdometry,
-    MecanumWheels,
 )
 from arm_drake.controllers.bases.omni_wheel_drive_controller import (
     OmniWheelKinematics,

@@ -9,8 +9,8 @@ import pytest
 
 from arm_drake.control.odometry import (
     DiffDriveKinematics,
-    DiffDriveOdometryState,
     RollingMean,
+    WheelOdometryState,
     from_commands,
 )
 from arm_drake.controllers.bases.diff_drive_controller import (
@@ -50,7 +50,7 @@ class Base:
 
     def __init__(self) -> None:
         self.kinematics = DiffDriveKinematics(1.0, 1.0, 1.0)
-        self.state = DiffDriveOdometryState(RollingMean(10))
+        self.state = WheelOdometryState(RollingMean(10))
 
     def move(self, left: float, right: float, dt: float) -> tuple[float, ...]:
         self.state = self.kinematics.from_velocities(self.state, left, right, dt)

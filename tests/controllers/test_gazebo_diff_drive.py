@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.controllers.gazebo.diff_drive import DiffDrive, SpeedLimits
+from arm_drake.controllers.gazebo.diff_drive import DiffDrive
+from arm_drake.controllers.gazebo.drive import SpeedLimits
 from arm_drake.description import gazebo_plugins
 from arm_drake.messages import Bool, Odometry, Twist, Vector3
 from tests.controllers.driving import Driven

@@ -13,6 +13,7 @@ from arm_drake.controllers.gazebo.plugin import (
     velocity_topic,
 )
 from arm_drake.description.gazebo_plugins import (
+    AckermannSteering,
     DiffDrive,
     GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
@@ -21,6 +22,7 @@ from arm_drake.description.gazebo_plugins import (
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
+    VelocityControl,
 )
 
 
@@ -96,6 +98,22 @@ def test_namespaces_and_remappings(
         (JointPositionController(("j",)), []),
         (JointController(("j",)), []),
         (JointTrajectoryController(), []),
+        (AckermannSteering(steering_only=True), []),
+        (
+            VelocityControl(link_names=("a", "b")),
+            ["link_name: a, b: only the robot's base is moved"],
+        ),
+        (
+            AckermannSteering(use_actuator_msg=True, actuator_number=0),
+            [
+                "use_actuator_msg: no messages of actuators are taken; its topic takes "
+                "the angle as a number"
+            ],
+        ),
+        (
+            AckermannSteering(use_actuator_msg=True),
+            ["use_actuator_msg: it needs an <actuator_number> from 0 on"],
+        ),
         (GazeboRosJointStatePublisher(("j",), remappings=("a:=/b",)), []),
         (
             JointPositionController(("j",), use_actuator_msg=True, joint_index=2),

@@ -6,17 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from arm_drake.control.odometry import PlanarPose
+from arm_drake.control.odometry import MecanumKinematics, MecanumWheels, PlanarPose
 from arm_drake.controllers.bases.base import SpeedLimits
 from arm_drake.controllers.bases.mecanum_drive_controller import (
     MecanumAngular,
     MecanumDriveController,
     MecanumDriveControllerParameters,
-    MecanumKinematics,
     MecanumKinematicsParameters,
     MecanumLinear,
     MecanumOdometry,
-    MecanumWheels,
 )
 from arm_drake.description.parameters import Parameter, load_parameters
 from arm_drake.description.report import LoadReport

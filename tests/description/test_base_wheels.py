@@ -95,7 +95,8 @@ def test_parameters_name_what_is_driven_and_steered(
 
     (found,) = bases(tmp_path, cart(CONTROL), text)
 
-    assert found == MobileBase("c", driven, steered, "base_link")
+    assert (found.controller, found.link) == ("c", "base_link")
+    assert (found.driven, found.steered) == (driven, steered)
 
 
 def test_the_frame_of_the_odometry_is_a_link_or_the_base(tmp_path: Path) -> None:

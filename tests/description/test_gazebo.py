@@ -159,14 +159,14 @@ def test_plugins_that_are_simulated_need_no_line():
 
 def test_plugins_that_would_move_the_robot_are_a_warning():
     plugins = (
-        "<plugin filename='gz-sim-mecanum-drive-system'/>"
-        "<plugin filename='libgazebo_ros_planar_move.so'/>"
+        "<plugin filename='gz-sim-tracked-vehicle-system'/>"
+        "<plugin filename='libgazebo_ros_force.so'/>"
         "<plugin filename='libgazebo_ros_imu_sensor.so'/>"
     )
 
     assert lines_of(f"<gazebo>{plugins}</gazebo>") == [
-        "warning: arm.urdf: Gazebo plugins 'gz-sim-mecanum-drive-system', "
-        "'libgazebo_ros_planar_move.so' move the robot; they aren't simulated; "
+        "warning: arm.urdf: Gazebo plugins 'gz-sim-tracked-vehicle-system', "
+        "'libgazebo_ros_force.so' move the robot; they aren't simulated; "
         "controllers and the plugins that are simulated move it alone",
         "info: arm.urdf: Gazebo plugins 'libgazebo_ros_imu_sensor.so'; they have no "
         "effect",

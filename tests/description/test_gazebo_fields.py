@@ -6,15 +6,19 @@ import pytest
 
 from arm_drake.description.gazebo import GazeboPlugin, JointPlugin, read_joint_plugins
 from arm_drake.description.gazebo_plugins import (
+    AckermannSteering,
     DiffDrive,
     GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
+    GazeboRosPlanarMove,
     JointController,
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
+    MecanumDrive,
     Ros2ControlPlugin,
+    VelocityControl,
 )
 from arm_drake.description.report import LoadReport
 
@@ -24,6 +28,8 @@ VELOCITY = "gz-sim-joint-controller-system"
 TRAJECTORY = "gz-sim-joint-trajectory-controller-system"
 STATES = "gz-sim-joint-state-publisher-system"
 DRIVE = "gz-sim-diff-drive-system"
+ACKERMANN = "gz-sim-ackermann-steering-system"
+MECANUM = "gz-sim-mecanum-drive-system"
 CLASSIC_STATES = "libgazebo_ros_joint_state_publisher.so"
 CLASSIC_TRAJECTORY = "libgazebo_ros_joint_pose_trajectory.so"
 CLASSIC_DRIVE = "libgazebo_ros_diff_drive.so"
@@ -402,3 +408,177 @@ def test_other_plugins_are_passed_over_and_the_rest_keep_their_order():
     found = read_joint_plugins(plugins, ["j"], LoadReport(), Path("arm.urdf"))
 
     assert found == (JointStatePublisher(), JointPositionController(("j",)))
+
+
+CORNERS = tuple(
+    (f"{corner}_joint", joint)
+    for corner, joint in (
+        *(("front_left", "j"), ("front_right", "k")),
+        *(("back_left", "j"), ("back_right", "k")),
+    )
+)
+
+
+def test_a_mecanum_drive_has_the_defaults_of_its_source():
+    (drive,), lines = read(MECANUM, *CORNERS)
+
+    # MecanumDrive.hh.
+    assert drive == MecanumDrive(
+        *(("j",), ("k",), ("j",), ("k",)),
+        wheel_separation=1.0,
+        wheelbase=1.0,
+        wheel_radius=0.2,
+        odom_publish_frequency=50.0,
+    )
+    assert lines == []
+
+
+@pytest.mark.parametrize(
+    ("fields", "expected"),
+    [
+        (
+            (*CORNERS[:3], ("back_right_joint", "kk")),
+            [
+                "error: arm.urdf: Gazebo plugin 'p': the robot has no joint 'kk'; "
+                "did you mean 'k'? known: j, k; the joint is left out",
+                "error: arm.urdf: Gazebo plugin 'p': the robot has none of its joints: "
+                "kk; the plugin is left out",
+            ],
+        ),
+        (
+            CORNERS[:3],
+            [
+                "error: arm.urdf: Gazebo plugin 'p': no joint; expected "
+                "<back_right_joint>; the plugin is left out"
+            ],
+        ),
+        (
+            (*CORNERS, ("wheelbase", "0")),
+            [
+                "error: arm.urdf: Gazebo plugin 'p': wheelbase: expected a length "
+                "above 0 m, got 0; the plugin is left out"
+            ],
+        ),
+        (
+            (*CORNERS, ("odom_topic", "/o"), ("tf_topic", "o")),
+            [
+                "error: arm.urdf: Gazebo plugin 'p': odom_topic and tf_topic are both "
+                "'o'; the plugin is left out"
+            ],
+        ),
+    ],
+)
+def test_a_mecanum_drive_that_can_t_drive_is_left_out(fields, expected):
+    assert read(MECANUM, *fields) == ((), expected)
+
+
+def test_a_tag_that_a_mecanum_drive_does_not_know_is_named():
+    (_,), lines = read(MECANUM, *CORNERS, ("wheel_base", "0.4"))
+
+    assert lines == [
+        "info: arm.urdf: Gazebo plugin 'p': unknown tags: wheel_base; they have no "
+        "effect"
+    ]
+
+
+STEERING = (("left_steering_joint", "j"), ("right_steering_joint", "k"))
+
+
+def test_an_ackermann_steering_has_the_defaults_of_its_source():
+    (drive,), lines = read(ACKERMANN, *SIDES, *STEERING)
+
+    # AckermannSteering.cc.
+    assert drive == AckermannSteering(
+        *(("j",), ("k",), ("j",), ("k",)),
+        wheel_separation=1.0,
+        kingpin_width=0.8,
+        wheel_base=1.0,
+        steering_limit=0.5,
+        wheel_radius=0.2,
+        steer_p_gain=1.0,
+        steer_i_gain=0.0,
+        steer_d_gain=0.0,
+        steer_i_max=0.0,
+        steer_i_min=0.0,
+        steer_cmd_max=1000.0,
+        steer_cmd_min=-1000.0,
+        steer_cmd_offset=0.0,
+    )
+    assert lines == []
+
+
+@pytest.mark.parametrize(
+    "alone",
+    [
+        [("steering_only", "true")],
+        [("use_actuator_msg", "true"), ("actuator_number", "2")],
+    ],
+)
+def test_an_ackermann_steering_that_steers_alone_needs_no_wheels(alone):
+    (drive,), lines = read(ACKERMANN, *STEERING, *alone)
+
+    assert (drive.driven_joints, drive.steered_joints) == ((), ("j", "k"))
+    assert lines == []
+
+
+@pytest.mark.parametrize(
+    ("fields", "problem"),
+    [
+        (STEERING, "no joint; expected <left_joint>"),
+        (
+            [*STEERING, ("use_actuator_msg", "true")],
+            "no joint; expected <left_joint>",
+        ),
+        ([*SIDES, STEERING[0]], "no joint; expected <right_steering_joint>"),
+        (
+            [*SIDES, *STEERING, ("wheel_base", "-1")],
+            "wheel_base: expected a length above 0 m, got -1",
+        ),
+        (
+            [*SIDES, *STEERING, ("kingpin_width", "0")],
+            "kingpin_width: expected a length above 0 m, got 0",
+        ),
+        (
+            [*SIDES, *STEERING, ("steering_limit", "30")],
+            "steering_limit: expected an angle above 0 and below a quarter of a turn, "
+            "got 30",
+        ),
+    ],
+)
+def test_an_ackermann_steering_that_can_t_drive_is_left_out(fields, problem):
+    line = f"error: arm.urdf: Gazebo plugin 'p': {problem}; the plugin is left out"
+    assert read(ACKERMANN, *fields) == ((), [line])
+
+
+def test_plugins_that_set_a_velocity_have_the_defaults_of_their_sources():
+    (control,), _ = read("gz-sim-velocity-control-system")
+    (planar,), _ = read("libgazebo_ros_planar_move.so")
+
+    # VelocityControl.cc and gazebo_ros_planar_move.cpp.
+    assert control == VelocityControl(initial_linear=(), initial_angular=(), topic="")
+    assert planar == GazeboRosPlanarMove(
+        update_rate=20.0,
+        publish_rate=20.0,
+        odometry_frame="odom",
+        robot_base_frame="base_footprint",
+        publish_odom=True,
+        publish_odom_tf=True,
+        covariance_x=1e-5,
+        covariance_y=1e-5,
+        covariance_yaw=1e-3,
+    )
+
+
+def test_an_initial_velocity_has_three_numbers():
+    velocity = "gz-sim-velocity-control-system"
+    (control,), lines = read(velocity, ("initial_linear", "1 2 3"))
+    refused = read(velocity, ("initial_angular", "1"))
+
+    assert (control.initial_linear, lines) == ((1.0, 2.0, 3.0), [])
+    assert refused == (
+        (),
+        [
+            "error: arm.urdf: Gazebo plugin 'p': initial_angular: expected three "
+            "numbers, got 1; the plugin is left out"
+        ],
+    )

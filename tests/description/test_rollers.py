@@ -25,7 +25,7 @@ def load(folder: Path, files: tuple[str, str]) -> ad.Robot:
 
 def rollers_of(robot: ad.Robot) -> list[Rollers]:
     bases = find_bases(robot.description, robot.controllers)
-    return find_rollers(robot.description, robot.controllers, bases)
+    return find_rollers(robot.description, bases)
 
 
 def test_rollers_of_mecanum_wheels_point_as_the_kinematics_have_it(

@@ -9,7 +9,17 @@ import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.messages import Bool, Odometry, TFMessage, Twist, TwistStamped, Vector3
 from arm_drake.simulation.motion_files import load_motion, parse_motion
-from tests.carts import CLASSIC, GZ, cart, classic_drive, diff_drive, load, plugin
+from tests.carts import (
+    CLASSIC,
+    GZ,
+    ackermann_steering,
+    cart,
+    classic_drive,
+    diff_drive,
+    load,
+    plugin,
+    steered_cart,
+)
 from tests.models import bob, joint, ros2_control
 
 COMMAND, ODOMETRY = "/model/cart/cmd_vel", "/model/cart/odometry"
@@ -409,3 +419,84 @@ def test_without_physics_the_wheels_turn_and_the_world_stands_still(
 
     assert sim.topic("/odom").value().pose.pose.position.x == 0.0
     assert len(sim.topic("/tf").value().transforms) == 2
+
+
+def test_a_steered_cart_has_its_topics_and_wheels_that_roll_freely(
+    tmp_path: Path,
+) -> None:
+    robot = load(tmp_path, steered_cart(ackermann_steering()))
+    sim = simulate(robot)
+
+    assert topics(sim) == {
+        COMMAND: "Twist",
+        ODOMETRY: "Odometry",
+        "/model/cart/tf": "TFMessage",
+    }
+    # No controller holds the front wheels.
+    (row,) = sim.list_controllers()
+    assert row.type == "gz::sim::systems::AckermannSteering"
+    assert lines(robot) == [
+        "info: : AckermannSteering has joints without an effort limit: left, right; "
+        "the limit is 19.6 N·m"
+    ]
+
+
+def test_a_steered_cart_whose_steering_another_plugin_has_is_left_out(
+    tmp_path: Path,
+) -> None:
+    other = plugin("gz-sim-joint-controller-system", ("joint_name", "left_steering"))
+
+    robot = load(tmp_path, steered_cart(ackermann_steering(), other))
+
+    assert (
+        "warning: Gazebo plugin AckermannSteering: no joints are left of "
+        "<left_steering_joint>; it is left out" in lines(robot)
+    )
+
+
+@pytest.mark.parametrize(
+    ("block", "expected"),
+    [
+        (
+            plugin("gz-sim-velocity-control-system"),
+            "info: : VelocityControl sets the velocity of link 'base_link'; a force "
+            "without a limit does it, in every step",
+        ),
+        (
+            plugin("libgazebo_ros_planar_move.so"),
+            "info: : GazeboRosPlanarMove sets the velocity of link 'base_link'; a "
+            "force without a limit does it, 20 times per second; in between, what rubs "
+            "on the ground brakes it",
+        ),
+    ],
+)
+def test_it_is_said_how_a_base_s_velocity_is_set(
+    tmp_path: Path, block: str, expected: str
+) -> None:
+    robot = load(tmp_path, cart(block))
+
+    assert lines(robot) == [expected]
+
+
+def test_a_base_whose_velocity_is_set_takes_one_by_its_name(tmp_path: Path) -> None:
+    sim = simulate(load(tmp_path, cart(plugin("gz-sim-velocity-control-system"))))
+
+    sim.controller("VelocityControl").send_velocity(Twist(Vector3(y=0.2)))
+    sim.run(0.5)
+
+    assert sim.rejected == []
+    y = sim.link_poses()["base_link"].translation()[1]
+    assert y == pytest.approx(0.1, abs=1e-3)
+
+
+def test_of_two_that_set_a_base_s_velocity_the_last_one_does(tmp_path: Path) -> None:
+    first = plugin("gz-sim-velocity-control-system", ("initial_linear", "1 0 0"))
+    second = plugin("gz-sim-velocity-control-system", ("initial_linear", "0 0.2 0"))
+    robot = load(tmp_path, cart(first, second.replace('"drive"', '"other"')))
+
+    sim = simulate(robot)
+    sim.run(0.5)
+
+    x, y, _ = sim.link_poses()["base_link"].translation()
+    assert (x, y) == pytest.approx((0.0, 0.1), abs=1e-3)
+    assert any("several plugins set the velocity" in str(e) for e in sim.report)

@@ -9,7 +9,16 @@ from pydrake.math import RigidTransform, RollPitchYaw
 import arm_drake as ad
 from arm_drake.messages import Float64, Odometry, Twist, Vector3
 from tests import models
-from tests.carts import RADIUS, cart, classic_drive, diff_drive, load, plugin
+from tests.carts import (
+    RADIUS,
+    ackermann_steering,
+    cart,
+    classic_drive,
+    diff_drive,
+    load,
+    plugin,
+    steered_cart,
+)
 
 SPEED, TURN = 0.25, 0.8
 REST = Twist()
@@ -39,6 +48,8 @@ PLUGINS = {
 class Cart:
     """A cart in the world, settled on its wheels."""
 
+    description = staticmethod(lambda plugin, limit: cart(plugin, limit=limit))
+
     def __init__(
         self,
         folder: Path,
@@ -47,7 +58,7 @@ class Cart:
         limit: str = "",
         step: float = 1e-3,
     ) -> None:
-        self.robot = load(folder, cart(plugin, limit=limit))
+        self.robot = load(folder, self.description(plugin, limit))
         # A step is no longer than a period of the manager, of 1 ms by default.
         robot = models.at_rate_of(self.robot, step)
         options = ad.SimulationOptions(time_step=step)
@@ -349,3 +360,188 @@ def test_torques_on_what_is_no_wheel_leave_the_base_fixed(
     text = cart(PUSHED, limit=limit).replace('"continuous"', f'"{kind}"')
 
     assert load(tmp_path, text).has_free_base == (kind == "continuous")
+
+
+class SteeredCart(Cart):
+    """A cart with steered wheels, settled on them."""
+
+    description = staticmethod(lambda plugin, limit: steered_cart(plugin))
+
+
+@pytest.mark.parametrize("w", [0.2, -0.2])
+def test_a_steered_cart_goes_round_a_circle(tmp_path: Path, w: float) -> None:
+    # The wheels are steered before it drives; the radius is 1.25 m.
+    block = ackermann_steering(("steer_p_gain", 10.0))
+    base = SteeredCart(tmp_path, block, GZ_TOPICS, step=STEP)
+    base.drive(0.25, w, 1.0)
+    base.start, base.start_odom = base.pose(), base.odometry()
+
+    base.drive(0.25, w, 4.0)
+
+    x, y, angle = base.moved()
+    assert base.robot.has_free_base
+    # The wheels say where it is to 5 % of the way of a metre.
+    assert base.counted() == pytest.approx((x, y, angle), abs=0.05)
+    assert angle == pytest.approx(4.0 * w, rel=0.05)
+    # Half the chord by the sine of half the angle.
+    radius = np.hypot(x, y) / 2.0 / np.sin(abs(angle) / 2.0)
+    assert radius == pytest.approx(1.25, rel=0.05)
+
+
+def test_a_steered_cart_drives_straight_back(tmp_path: Path) -> None:
+    base = SteeredCart(tmp_path, ackermann_steering(), GZ_TOPICS, step=STEP)
+
+    base.drive(-0.5, 0.0, 2.0)
+
+    x, y, angle = base.moved()
+    assert x == pytest.approx(-1.0, abs=0.05)
+    assert base.counted() == pytest.approx((x, y, angle), abs=0.05)
+    assert (y, angle) == pytest.approx((0.0, 0.0), abs=0.02)
+
+
+def test_a_cart_that_steers_alone_turns_its_wheels_alone(tmp_path: Path) -> None:
+    block = ackermann_steering(("steering_only", "true"), ("steer_p_gain", 10.0))
+    robot = load(tmp_path, steered_cart(block))
+    sim = ad.Simulation(ad.build_diagram(robot))
+    sim.topic("/model/cart/steer_angle").publish(0.3)
+
+    sim.run(2.0)
+
+    state = sim.joint_states()
+    angles = dict(zip(state.name, state.position, strict=True))
+    arm = 0.5 / np.tan(0.3)
+    # Its wheel_separation is 0.4 m; friction turns with the wheels.
+    found = (angles["left_steering"], angles["right_steering"])
+    wanted = (np.arctan(0.5 / (arm - 0.2)), np.arctan(0.5 / (arm + 0.2)))
+    assert found == pytest.approx(wanted, abs=0.02)
+    assert np.linalg.norm(sim.link_poses()["base_link"].translation()[:2]) < 0.1
+
+
+VELOCITY = "gz-sim-velocity-control-system"
+PLANAR = "libgazebo_ros_planar_move.so"
+
+# A base that slides on four feet, of 5 kg.
+FEET = "".join(
+    f"""<collision><origin xyz="{x} {y} -0.03"/><geometry><sphere radius="0.02"/>
+    </geometry></collision>"""
+    for x in (-0.2, 0.2)
+    for y in (-0.2, 0.2)
+)
+SLED = f"""<robot name="cart"><link name="base_link"><inertial><mass value="5"/>
+<inertia ixx="0.05" iyy="0.1" izz="0.12" ixy="0" ixz="0" iyz="0"/></inertial>{FEET}
+</link>{{}}</robot>"""
+
+# A motor's rotor in it, which nothing turns.
+ROTOR = """<link name="rotor"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="spin" type="continuous"><parent link="base_link"/><child link="rotor"/>
+<origin xyz="0 0 0.2"/><axis xyz="0 0 1"/></joint>"""
+
+
+def hold(
+    folder: Path, text: str, *, world: str = "void", gravity: bool | None = False
+) -> ad.Simulation:
+    options = ad.SimulationOptions(gravity=gravity, time_step=1e-3)
+    robot = load(folder, text)
+    assert robot.has_free_base
+    return ad.Simulation(ad.build_diagram(robot, world=world, options=options))
+
+
+@pytest.mark.parametrize(
+    ("block", "topic"),
+    [
+        (plugin(VELOCITY), "/model/cart/cmd_vel"),
+        # Once set, it goes on in the void; it turns with the base each time.
+        (plugin(PLANAR, ("update_rate", 0)), "/cmd_vel"),
+    ],
+)
+def test_a_base_whose_velocity_is_set_goes_round_a_circle(
+    tmp_path: Path, block: str, topic: str
+) -> None:
+    sim = hold(tmp_path, SLED.format(ROTOR + block))
+    vx, vy, w, duration = 0.3, 0.2, 0.5, 2.0
+    sim.run(0.1)
+    start = sim.link_poses()["base_link"]
+    sim.topic(topic).publish(Twist(Vector3(x=vx, y=vy), Vector3(z=w)))
+
+    sim.run(duration)
+
+    moved = start.inverse() @ sim.link_poses()["base_link"]
+    sin, cos = np.sin(w * duration), np.cos(w * duration) - 1.0
+    wanted = np.array([vx * sin + vy * cos, vy * sin - vx * cos, 0.0]) / w
+    # It starts and turns one or two steps of 1 ms late.
+    np.testing.assert_allclose(moved.translation(), wanted, atol=1.5e-3)
+    assert yaw(moved) == pytest.approx(w * duration, abs=1.5e-3)
+
+
+def test_setting_a_base_s_velocity_leaves_its_joints_theirs(tmp_path: Path) -> None:
+    sim = hold(tmp_path, SLED.format(ROTOR + plugin(VELOCITY)))
+
+    sim.topic("/model/cart/cmd_vel").publish(Twist(angular=Vector3(z=2.0)))
+    sim.run(0.5)
+
+    # The rotor, whose center isn't on its axis, turns with the base, but for what
+    # tips this within each step.
+    (rate,) = sim.joint_states().velocity
+    assert rate == pytest.approx(0.0, abs=1e-3)
+
+
+def test_what_rubs_takes_from_a_base_what_it_takes_in_a_step(tmp_path: Path) -> None:
+    sim = hold(tmp_path, SLED.format(plugin(VELOCITY)), world="empty", gravity=True)
+    sim.topic("/model/cart/cmd_vel").publish(Twist(Vector3(y=0.2)))
+    sim.run(0.5)
+    before = sim.link_poses()["base_link"]
+
+    sim.run(1.0)
+
+    x, y, z = (before.inverse() @ sim.link_poses()["base_link"]).translation()
+    # A friction of 1 brakes by g dt = 9.8 mm/s, with steps of 1 ms.
+    assert y == pytest.approx(0.2 - 9.81e-3, abs=1e-3)
+    assert (x, z) == pytest.approx((0.0, 0.0), abs=1e-3)
+
+
+def test_without_a_command_a_base_is_held_at_rest(tmp_path: Path) -> None:
+    sim = hold(tmp_path, SLED.format(plugin(VELOCITY)), gravity=True)
+
+    sim.run(0.1)
+    before = sim.link_poses()["base_link"]
+
+    sim.run(0.5)
+
+    moved = before.inverse() @ sim.link_poses()["base_link"]
+    # It falls by no more than what gravity adds in a step, g dt for 0.5 s.
+    assert moved.translation()[2] == pytest.approx(-9.81e-3 * 0.5, rel=1e-3)
+
+
+def test_between_two_times_classic_lets_a_base_slow_down(tmp_path: Path) -> None:
+    block = plugin(PLANAR, ("update_rate", 50))
+    sim = hold(tmp_path, SLED.format(block), world="empty", gravity=True)
+    sim.topic("/cmd_vel").publish(Twist(Vector3(x=0.4)))
+    sim.run(0.5)
+    before = sim.link_poses()["base_link"]
+
+    sim.run(1.0)
+
+    moved = before.inverse() @ sim.link_poses()["base_link"]
+    # A friction of 1 brakes from 0.4 to 0.2 m/s in 20 ms.
+    mean = 0.4 - 9.81 * 0.02 / 2.0
+    assert moved.translation()[0] == pytest.approx(mean, abs=0.01)
+    message = sim.topic("/odom").value()
+    where = sim.link_poses()["base_link"].translation()
+    # What was published is at most 50 ms old.
+    assert message.pose.pose.position.x == pytest.approx(where[0], abs=0.05 * 0.4)
+    assert 0.2 < message.twist.twist.linear.x < 0.4
+
+
+def test_a_base_that_hangs_from_the_world_is_said_not_to_move(tmp_path: Path) -> None:
+    world = '<link name="world"/><joint name="hold" type="fixed">'
+    world += '<parent link="world"/><child link="base_link"/></joint>'
+    robot = load(tmp_path, SLED.format(world + plugin(VELOCITY)))
+
+    sim = ad.Simulation(ad.build_diagram(robot))
+
+    assert not robot.has_free_base
+    assert any(
+        "a joint holds the base in the world; it doesn't move" in str(entry)
+        for entry in sim.report
+    )

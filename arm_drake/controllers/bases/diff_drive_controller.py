@@ -18,9 +18,9 @@ from arm_drake.control.filters import RateLimiter
 from arm_drake.control.odometry import (
     DiffDriveKinematics,
     DiffDriveMotion,
-    DiffDriveOdometryState,
     PlanarPose,
     RollingMean,
+    WheelOdometryState,
     from_commands,
 )
 from arm_drake.controllers.bases.base import (
@@ -233,7 +233,7 @@ class DiffDriveState(NamedTuple):
     """State of a DiffDriveController between two ticks."""
 
     settings: DiffDriveSettings
-    odometry: DiffDriveOdometryState
+    odometry: WheelOdometryState
 
     # What is asked for: forwards [m/s], turning [rad/s].
     reference: Velocity
@@ -351,7 +351,7 @@ class DiffDriveController(BaseController[DiffDriveState]):
             params,
             DiffDriveState(
                 settings,
-                DiffDriveOdometryState(mean),
+                WheelOdometryState(mean),
                 self._first,
                 np.full(len(wheels), np.nan),
             ),
@@ -455,11 +455,11 @@ class DiffDriveController(BaseController[DiffDriveState]):
     def _integrate(
         self,
         settings: DiffDriveSettings,
-        old: DiffDriveOdometryState,
+        old: WheelOdometryState,
         velocity: Velocity,
         sides: tuple[float, float],
         dt: float,
-    ) -> DiffDriveOdometryState:
+    ) -> WheelOdometryState:
         """Return the odometry after a tick; the old one itself if it stays."""
         if settings.parameters.open_loop:
             v, w = velocity

@@ -12,7 +12,12 @@ import numpy as np
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.control.odometry import PlanarPose
+from arm_drake.control.odometry import (
+    MecanumKinematics,
+    MecanumWheels,
+    PlanarPose,
+    rotate,
+)
 from arm_drake.controllers.bases.base import (
     REFERENCE,
     BaseCommand,
@@ -43,57 +48,6 @@ REST: Velocity = (0.0, 0.0, 0.0)
 _MIN_STEP = 1e-4
 
 
-class MecanumWheels(NamedTuple):
-    """A velocity of each wheel [rad/s], in the order in which they are claimed."""
-
-    front_left: float
-    front_right: float
-    rear_right: float
-    rear_left: float
-
-
-class MecanumKinematics(NamedTuple):
-    """Measures of a base, which take its velocity to its wheels and back."""
-
-    # Radius of the wheels [m].
-    radius: float
-
-    # Distances of the wheels from their centre, along x plus along y [m].
-    reach: float
-
-    # Offset of the base frame against the wheels' centre.
-    offset: PlanarPose = PlanarPose()
-
-    def to_wheels(self, velocity: Velocity) -> MecanumWheels:
-        """Return how the wheels turn for a velocity of the base frame.
-
-        With the velocity R(offset.heading) (vx, vy) + w (offset.y, -offset.x) of the
-        wheels' centre, each wheel turns with (vx -+ vy -+ reach w) / radius.
-        """
-        w = velocity[2]
-        vx, vy = _rotate(velocity[0], velocity[1], self.offset.heading)
-        vx, vy = vx + self.offset.y * w, vy - self.offset.x * w
-        turn = self.reach * w
-        return MecanumWheels(
-            (vx - vy - turn) / self.radius,
-            (vx + vy + turn) / self.radius,
-            (vx - vy + turn) / self.radius,
-            (vx + vy - turn) / self.radius,
-        )
-
-    def to_base(self, wheels: MecanumWheels) -> Velocity:
-        """Return the velocity of the base frame that fits the wheels best."""
-        front_left, front_right, rear_right, rear_left = wheels
-        quarter = self.radius / 4.0
-        vx = quarter * (front_left + rear_left + rear_right + front_right)
-        vy = quarter * (-front_left + rear_left - rear_right + front_right)
-        w = quarter / self.reach * (-front_left - rear_left + rear_right + front_right)
-        back = -self.offset.heading
-        vx, vy = _rotate(vx, vy, back)
-        x, y = _rotate(-self.offset.x, -self.offset.y, back)
-        return vx + y * w, vy - x * w, w
-
-
 class MecanumOdometry(NamedTuple):
     """Where a base takes itself to be, and how it moves."""
 
@@ -112,14 +66,9 @@ class MecanumOdometry(NamedTuple):
             return self
         velocity = kinematics.to_base(wheels)
         heading = self.pose.heading + velocity[2] * dt
-        vx, vy = _rotate(velocity[0], velocity[1], heading)
+        vx, vy = rotate(velocity[0], velocity[1], heading)
         pose = PlanarPose(self.pose.x + vx * dt, self.pose.y + vy * dt, heading)
         return MecanumOdometry(pose, velocity)
-
-
-def _rotate(x: float, y: float, angle: float) -> tuple[float, float]:
-    cos, sin = math.cos(angle), math.sin(angle)
-    return cos * x - sin * y, sin * x + cos * y
 
 
 @dc.dataclass(frozen=True)

@@ -23,6 +23,10 @@ _SYSTEMS: Mapping[type, str] = {
     gazebo_plugins.OdometryPublisher: "odometry_publisher:OdometryPublisher",
     ContactSensorTag: "contact_sensor:ContactSensor",
     gazebo_plugins.DiffDrive: "diff_drive:DiffDrive",
+    gazebo_plugins.AckermannSteering: "ackermann_drive:AckermannSteering",
+    gazebo_plugins.MecanumDrive: "mecanum_drive:MecanumDrive",
+    gazebo_plugins.VelocityControl: "velocity_control:VelocityControl",
+    gazebo_plugins.GazeboRosPlanarMove: "velocity_control:GazeboRosPlanarMove",
     gazebo_plugins.GazeboRosDiffDrive: "diff_drive:GazeboRosDiffDrive",
     gazebo_plugins.GazeboRosJointPoseTrajectory: (
         "joint_trajectory:GazeboRosJointPoseTrajectory"

@@ -1,8 +1,8 @@
 """Gazebo's plugins for bases with differential drive, which aren't ros2_control's.
 
 Sources: gz-sim, src/systems/diff_drive/DiffDrive.cc (Ignition Gazebo has the same);
-gz-math, src/SpeedLimiter.cc, and src/DiffDriveOdometry.cc, which is that of
-`arm_drake.control.odometry`; of Gazebo Classic gazebo_ros_pkgs, branch ros2,
+gz-math, src/DiffDriveOdometry.cc, which is that of `arm_drake.control.odometry`; of
+Gazebo Classic gazebo_ros_pkgs, branch ros2,
 gazebo_plugins/src/gazebo_ros_diff_drive.cpp.
 """
 
@@ -12,21 +12,19 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from pydrake.common.value import AbstractValue
-from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.math import RigidTransform
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.control.odometry import (
     DiffDriveKinematics,
     DiffDriveMotion,
-    DiffDriveOdometryState,
     PlanarPose,
-    RollingMean,
+    WheelOdometryState,
 )
 from arm_drake.controllers.bases.base import (
     BaseFrames,
     Velocity,
-    diagonal,
     make_odometry,
     make_transform,
 )
@@ -37,10 +35,17 @@ from arm_drake.controllers.cycles import (
     UpdateContext,
     UpdateResult,
 )
+from arm_drake.controllers.gazebo.drive import (
+    REST,
+    GazeboDrive,
+    GazeboDriveState,
+    describe_base,
+    describe_wheels,
+    planar_covariance,
+)
 from arm_drake.controllers.gazebo.plugin import (
     drive_topics,
     find_twist_fault,
-    publish_period_ns,
     ros_topic,
 )
 from arm_drake.controllers.topics import Inbox, TopicController
@@ -51,53 +56,14 @@ from arm_drake.description.gazebo_plugins import (
 from arm_drake.messages import (
     NANOSECONDS,
     Bool,
-    Header,
     Odometry,
-    Point,
-    Pose,
-    PoseWithCovariance,
-    Quaternion,
     TFMessage,
-    Transform,
     TransformStamped,
     Twist,
-    TwistWithCovariance,
-    Vector3,
 )
 
 # Wheels whose rims are nearer to what is asked for have reached it [m/s].
 _REACHED = 0.01
-
-
-class SpeedLimits(NamedTuple):
-    """Limits of a speed of Gazebo's DiffDrive [m/s] or [rad/s], and of its rates."""
-
-    min_velocity: float = -math.inf
-    max_velocity: float = math.inf
-    min_acceleration: float = -math.inf
-    max_acceleration: float = math.inf
-    min_jerk: float = -math.inf
-    max_jerk: float = math.inf
-
-    def limit(self, requested: float, last: float, before: float, dt: float) -> float:
-        """Return a speed within the limits: of its jerk, its rate, then its own.
-
-        Unlike ros2_control's, the limits hold in both directions and at all times; of
-        a minimum above its maximum, the minimum holds.
-
-        `dt` [s].
-        """
-        rate = (last - before) / dt
-        jerk = ((requested - last) / dt - rate) / dt
-        if not self.min_jerk <= jerk <= self.max_jerk:
-            requested = (
-                last + (rate + _clamp(jerk, self.min_jerk, self.max_jerk) * dt) * dt
-            )
-        rate = (requested - last) / dt
-        if not self.min_acceleration <= rate <= self.max_acceleration:
-            rate = _clamp(rate, self.min_acceleration, self.max_acceleration)
-            requested = last + rate * dt
-        return _clamp(requested, self.min_velocity, self.max_velocity)
 
 
 class EncoderOdometry(NamedTuple):
@@ -142,44 +108,6 @@ def accelerate(
     return np.where(is_reached, desired, kept), kept
 
 
-def _clamp(value: float, low: float, high: float) -> float:
-    return max(min(value, high), low)
-
-
-_REST = (0.0, 0.0)
-
-# Samples over which the published velocities are means.
-_WINDOW = 10
-
-_CERTAIN = diagonal((0.0,) * 6)
-
-
-class GazeboDriveState(NamedTuple):
-    """State of a DiffDrive between two ticks."""
-
-    odometry: DiffDriveOdometryState
-
-    # What to write, left wheels first [rad/s], shape (k,).
-    command: Array
-
-    # Forwards [m/s], turning [rad/s]: what is asked for, and the last two that the
-    # limits let through, the newest first.
-    target: tuple[float, float] = _REST
-    limited: tuple[Velocity, Velocity] = (_REST, _REST)
-
-    # Whether commands are taken.
-    is_enabled: bool = True
-
-    # Whether the odometry has begun to count.
-    counts: bool = False
-
-    # What was published last, and when [ns].
-    published: Odometry = Odometry()
-    published_ns: int = 0
-
-    inbox: Inbox = Inbox()
-
-
 class _SteadyDrive(SilentTicks):
     """Ticks of a base that aims at the same velocity and publishes nothing."""
 
@@ -196,25 +124,25 @@ class _SteadyDrive(SilentTicks):
         """Return the velocities of the wheels; None where a position isn't finite."""
         del time_ns
         system, dt = self._system, self._dt
-        limited, odometry = DiffDriveMotion.from_numbers(memory, _WINDOW)
+        limited, odometry = DiffDriveMotion.from_numbers(memory, system.window)
         limited = system._limit(self._last.target, limited, dt)
         left, right = motions[system._read_at].tolist()
         if not math.isfinite(left + right):
             return None
         odometry = system._kinematics.from_positions(odometry, left, right, dt)
         memory[:] = DiffDriveMotion(limited, odometry).numbers(len(memory))
-        return system._find_command(limited).tolist()
+        return system._to_wheels(limited[0]).tolist()
 
     def state(
         self, time_ns: int, motions: Array, memory: Sequence[float]
     ) -> GazeboDriveState:
         """Return the state that a tick leaves behind."""
-        limited, odometry = DiffDriveMotion.from_numbers(memory, _WINDOW)
-        command = self._system._find_command(limited)
+        limited, odometry = DiffDriveMotion.from_numbers(memory, self._system.window)
+        command = self._system._to_wheels(limited[0])
         return self._last._replace(limited=limited, command=command, odometry=odometry)
 
 
-class DiffDrive(TopicController[GazeboDriveState]):
+class DiffDrive(GazeboDrive):
     """Turns the wheels of two sides so that a base moves as it is told.
 
     With J joints and k wheels:
@@ -248,85 +176,42 @@ class DiffDrive(TopicController[GazeboDriveState]):
     """
 
     reads_by_now = True
-    num_remembered = DiffDriveMotion.size(_WINDOW)
+    num_remembered = DiffDriveMotion.size(GazeboDrive.window)
 
     def __init__(self, tag: DiffDriveTag, params: ControllerInterfaceParams) -> None:
         """Create the system."""
         radius = tag.wheel_radius
         self._kinematics = DiffDriveKinematics(tag.wheel_separation, radius, radius)
-        self._limits = (_find_limits(tag, "linear"), _find_limits(tag, "angular"))
-        rate = tag.odom_publish_frequency
-        self._period_ns = publish_period_ns(rate)
-        model = params.robot_name
-        self._frames = BaseFrames(
-            tag.frame_id or f"{model}/odom",
-            tag.child_frame_id or f"{model}/{tag.base_link}",
-        )
         # Of a wheel on both sides, the right one is the last to be told.
         sides = {
             **dict.fromkeys(tag.left_joints, 0),
             **dict.fromkeys(tag.right_joints, 1),
         }
         self._side = np.array(list(sides.values()), dtype=np.intp)
-        super().__init__(
-            params,
-            GazeboDriveState(
-                DiffDriveOdometryState(RollingMean(_WINDOW)), np.zeros(len(sides))
-            ),
-            state_interfaces=tuple(
-                f"{side[0]}/position" for side in (tag.left_joints, tag.right_joints)
-            ),
-            command_interfaces=tuple(f"{joint}/velocity" for joint in sides),
-        )
-        topics = drive_topics(tag, model)
+        first = [side[0] for side in (tag.left_joints, tag.right_joints)]
+        super().__init__(tag, params, measured=first, commanded=list(sides))
+        topics = drive_topics(tag, params.robot_name)
         self._enable = topics.enable
         self._subscribe(topics.command, Twist, self._take_twist)
         self._subscribe(topics.enable, Bool, self._take_switch)
         # Of both in one tick, a switch counts first.
         self._topics.reverse()
-        self._declare_topic(topics.odometry, lambda state: state.published)
-        self._declare_topic(topics.tf, lambda state: make_transform(state.published))
+        self._declare_odometry(topics.odometry, topics.tf)
         self._declare_events()
 
-    def _update(self, now: UpdateContext, state: GazeboDriveState) -> GazeboDriveState:
-        state = self._receive(now, state)
-        dt = now.period_ns / NANOSECONDS
-        limited = self._limit(state.target, state.limited, dt)
-        state = state._replace(limited=limited, command=self._find_command(limited))
-        if not state.counts:
-            return state._replace(counts=True)
-        left, right = self._measured_now(now).tolist()
-        odometry = self._kinematics.from_positions(state.odometry, left, right, dt)
-        state = state._replace(odometry=odometry)
-        if now.time_ns - state.published_ns < self._period_ns:
-            return state
-        v, w = odometry.velocity
-        message = make_odometry(
-            now.time_ns,
-            self._frames,
-            odometry.pose,
-            (v, 0.0, w),
-            (_CERTAIN, _CERTAIN),
-        )
-        return state._replace(published=message, published_ns=now.time_ns)
+    def _find_command(self, velocity: Velocity, measured: Array, dt: float) -> Array:
+        return self._to_wheels(velocity)
 
-    def _limit(
-        self, target: Velocity, limited: tuple[Velocity, Velocity], dt: float
-    ) -> tuple[Velocity, Velocity]:
-        """Return the last two velocities after a tick that aims at one."""
-        last, before = limited
-        v, w = (
-            limits.limit(requested, v0, v1, dt)
-            for limits, requested, v0, v1 in zip(
-                self._limits, target, last, before, strict=True
-            )
-        )
-        return (v, w), last
-
-    def _find_command(self, limited: tuple[Velocity, Velocity]) -> Array:
+    def _to_wheels(self, velocity: Velocity) -> Array:
         """Return the velocities of the wheels [rad/s], left ones first."""
-        v, w = limited[0]
+        v, w = velocity
         return np.array(self._kinematics.wheels(v, w))[self._side]
+
+    def _count(
+        self, odometry: WheelOdometryState, measured: Array, dt: float
+    ) -> WheelOdometryState:
+        left, right = measured.tolist()
+        return self._kinematics.from_positions(odometry, left, right, dt)
 
     def steady(
         self, last: UpdateResult[GazeboDriveState], time_ns: int
@@ -347,91 +232,17 @@ class DiffDrive(TopicController[GazeboDriveState]):
     ) -> tuple[GazeboDriveState, str]:
         if obstacle:
             return state, obstacle
-        target = state.target if message.data else _REST
+        target = state.target if message.data else REST
         return state._replace(is_enabled=message.data, target=target), ""
 
     def _take_twist(
         self, state: GazeboDriveState, message: Twist, time_ns: int, obstacle: str
     ) -> tuple[GazeboDriveState, str]:
-        fault = obstacle or find_twist_fault(message)
+        taken, fault = super()._take_twist(state, message, time_ns, obstacle)
         if not (fault or state.is_enabled):
-            fault = f"{self._enable} is false"
-        if fault:
-            return state, fault
-        return state._replace(target=(message.linear.x, message.angular.z)), ""
+            return state, f"{self._enable} is false"
+        return taken, fault
 
-    def _deactivate(
-        self, now: UpdateContext, state: GazeboDriveState
-    ) -> GazeboDriveState:
-        return state._replace(
-            command=np.zeros(len(state.command)), target=_REST, limited=(_REST, _REST)
-        )
-
-
-def _find_limits(tag: DiffDriveTag, kind: str) -> SpeedLimits:
-    """Return the limits of a speed."""
-    limits = {}
-    for name in SpeedLimits._fields:
-        end, _, quantity = name.partition("_")
-        own: float = getattr(tag, f"{end}_{kind}_{quantity}")
-        limits[name] = getattr(tag, name) if math.isnan(own) else own
-    return SpeedLimits(**limits)
-
-
-def describe_base(
-    time_ns: int,
-    frames: BaseFrames,
-    poses: tuple[RigidTransform, RigidTransform],
-    dt: float,
-    covariance: tuple[float, ...],
-) -> Odometry:
-    """Return the odometry of a base whose pose is known.
-
-    `dt` [s]; `covariance` shape (36,).
-    """
-    last, pose = poses
-    x, y, wz = 0.0, 0.0, 0.0
-    if dt > 0.0:
-        x, y = (pose.translation() - last.translation())[:2] / dt
-        turn = pose.rotation().multiply(last.rotation().inverse()).ToAngleAxis()
-        wz = turn.angle() * turn.axis()[2] / dt
-    yaw = RollPitchYaw(pose.rotation()).yaw_angle()
-    c, s = np.cos(yaw), np.sin(yaw)
-    linear = Vector3(c * x + s * y, c * y - s * x, 0.0)
-    where = _to_transform(pose)
-    at = where.translation
-    return Odometry(
-        Header.from_nanoseconds(time_ns, frames.odom),
-        frames.base,
-        PoseWithCovariance(Pose(Point(at.x, at.y, at.z), where.rotation), covariance),
-        TwistWithCovariance(Twist(linear, Vector3(0.0, 0.0, wz)), covariance),
-    )
-
-
-def describe_wheels(
-    time_ns: int,
-    base: RigidTransform,
-    links: Sequence[tuple[str, str]],
-    poses: Sequence[RigidTransform],
-) -> tuple[TransformStamped, ...]:
-    """Return the frames of wheels."""
-    return tuple(
-        TransformStamped(
-            Header.from_nanoseconds(time_ns, parent),
-            child,
-            _to_transform(base.inverse() @ pose),
-        )
-        for (parent, child), pose in zip(links, poses, strict=True)
-    )
-
-
-def _to_transform(pose: RigidTransform) -> Transform:
-    w, x, y, z = pose.rotation().ToQuaternion().wxyz().tolist()
-    return Transform(Vector3(*pose.translation().tolist()), Quaternion(x, y, z, w))
-
-
-# Of what a base on the ground doesn't do.
-_UNKNOWN = 1e12
 
 # Value of odometry_source that stands for the truth.
 _WORLD = 1
@@ -541,8 +352,9 @@ class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
             self._declare_topic(tf, self._describe_frames)
         self._declare_events()
         self._frames = BaseFrames(tag.odometry_frame, tag.robot_base_frame)
-        planar = (tag.covariance_x, tag.covariance_y)
-        self._covariance = diagonal((*planar, *(_UNKNOWN,) * 3, tag.covariance_yaw))
+        self._covariance = planar_covariance(
+            tag.covariance_x, tag.covariance_y, tag.covariance_yaw
+        )
 
     def _update(
         self, now: UpdateContext, state: ClassicDriveState

@@ -27,17 +27,20 @@ from numpy.typing import NDArray
 
 from arm_drake.arrays import Array
 from arm_drake.description.gazebo_plugins import (
+    AckermannSteering,
     ApplyJointForce,
     ContactSensorTag,
-    DiffDrive,
     GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
+    GazeboRosPlanarMove,
     JointController,
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
     OdometryPublisher,
+    VelocityControl,
+    WheelDrive,
 )
 from arm_drake.messages import NANOSECONDS, Message, Twist
 
@@ -237,15 +240,20 @@ GazeboTag = (
     | ApplyJointForce
     | JointTrajectoryController
     | JointStatePublisher
-    | DiffDrive
+    | WheelDrive
     | OdometryPublisher
+    | VelocityControl
     | GazeboRosJointPoseTrajectory
     | GazeboRosJointStatePublisher
     | GazeboRosDiffDrive
+    | GazeboRosPlanarMove
 )
 
 _Classic = (
-    GazeboRosJointPoseTrajectory | GazeboRosJointStatePublisher | GazeboRosDiffDrive
+    GazeboRosJointPoseTrajectory
+    | GazeboRosJointStatePublisher
+    | GazeboRosDiffDrive
+    | GazeboRosPlanarMove
 )
 _OneJoint = JointPositionController | JointController
 
@@ -298,7 +306,7 @@ def contact_topic(tag: ContactSensorTag, model: str, world: str) -> str:
 
 
 class DriveTopics(NamedTuple):
-    """Topics of a DiffDrive."""
+    """Topics of a drive of Gazebo Sim; `enable` is a DiffDrive's alone."""
 
     command: str
     enable: str
@@ -306,10 +314,15 @@ class DriveTopics(NamedTuple):
     tf: str
 
 
-def drive_topics(tag: DiffDrive, model: str) -> DriveTopics:
-    """Return the topics of a DiffDrive."""
-    tag_topics = (tag.topic, "", tag.odom_topic, tag.tf_topic)
-    ends = ("cmd_vel", "enable", "odometry", "tf")
+def drive_topics(tag: WheelDrive, model: str) -> DriveTopics:
+    """Return the topics of a drive of Gazebo Sim."""
+    topic, end = tag.topic, "cmd_vel"
+    if isinstance(tag, AckermannSteering):
+        end = "steer_angle" if tag.is_steering_alone else end
+        if tag.sub_topic and not topic:
+            topic = f"model/{model}/{tag.sub_topic.strip()}"
+    tag_topics = (topic, "", tag.odom_topic, tag.tf_topic)
+    ends = (end, "enable", "odometry", "tf")
     names = (
         as_topic(name or f"model/{model}/{end}")
         for name, end in zip(tag_topics, ends, strict=True)
@@ -331,12 +344,16 @@ def ros_topic(name: str, namespace: str, remappings: Sequence[str]) -> str:
     return topic
 
 
-def find_twist_fault(message: Twist) -> str:
+def find_twist_fault(message: Twist, *, sideways: bool = False) -> str:
     """Return why a base doesn't take a velocity; empty if it does."""
-    numbers = (message.linear.x, message.angular.z)
+    numbers = [message.linear.x, message.angular.z]
+    names = "linear.x"
+    if sideways:
+        numbers.append(message.linear.y)
+        names += ", linear.y"
     if all(map(math.isfinite, numbers)):
         return ""
-    return "linear.x and angular.z must be finite; the message is dropped"
+    return f"{names} and angular.z must be finite; the message is dropped"
 
 
 def find_unsupported(tag: GazeboTag) -> list[str]:
@@ -346,6 +363,16 @@ def find_unsupported(tag: GazeboTag) -> list[str]:
         problems.append(
             "use_actuator_msg: no messages of actuators are taken; the joint's own "
             "topic takes numbers"
+        )
+    if isinstance(tag, VelocityControl) and tag.link_names:
+        links = ", ".join(tag.link_names)
+        problems.append(f"link_name: {links}: only the robot's base is moved")
+    if isinstance(tag, AckermannSteering) and tag.use_actuator_msg:
+        problems.append(
+            "use_actuator_msg: no messages of actuators are taken; its topic takes "
+            "the angle as a number"
+            if tag.is_steering_alone
+            else "use_actuator_msg: it needs an <actuator_number> from 0 on"
         )
     if isinstance(tag, OdometryPublisher):
         if tag.gaussian_noise:
