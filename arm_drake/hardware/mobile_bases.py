@@ -2,7 +2,7 @@
 
 import dataclasses as dc
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -21,7 +21,6 @@ from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, Outp
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import ControllerInterface
-from arm_drake.controllers.gazebo.velocity_control import HeldTwist
 from arm_drake.description.base_wheels import (
     Axle,
     MobileBase,
@@ -64,6 +63,9 @@ from arm_drake.plant.initial_poses import (
     resting_shape,
 )
 from arm_drake.python_system import PythonSystem
+
+if TYPE_CHECKING:
+    from arm_drake.controllers.gazebo.velocity_control import HeldTwist
 
 # Directions across a wheel's axis in which its radius is looked for.
 _NUM_DIRECTIONS = 64
@@ -334,6 +336,9 @@ class BaseServo(PythonSystem):
         self._scratch = plant.CreateDefaultContext()
         size = plant.num_multibody_states(model)
         self._state = self.DeclareVectorInputPort("state", size)
+        # Robots whose bases go on wheels pay for nothing.
+        from arm_drake.controllers.gazebo.velocity_control import HeldTwist
+
         twist = AbstractValue.Make(HeldTwist())
         self._twist = self.DeclareAbstractInputPort(interfaces.TWIST_PORT, twist)
         self.DeclareVectorOutputPort(
