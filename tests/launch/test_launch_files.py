@@ -149,6 +149,22 @@ def test_arguments_without_a_default_are_shown_and_asked_for(package: Path) -> N
     assert "'robot_ip':\n        Where it is." in text
 
 
+def test_the_environment_is_that_of_a_shell_with_ros(
+    package: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("ROS_DISTRO", raising=False)
+    monkeypatch.setenv("LD_LIBRARY_PATH", "/own")
+    path = describe(
+        package,
+        """
+        Node(package=os.environ["LD_LIBRARY_PATH"], executable=EnvironmentVariable(
+            "ROS_DISTRO")),
+        """,
+    )
+
+    assert names(ad.load_launch(path)) == ["/own/jazzy"]
+
+
 def test_conditions_decide(package: Path) -> None:
     before = """
     def node(name, condition):
