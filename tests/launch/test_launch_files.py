@@ -505,6 +505,31 @@ def test_parameters_are_set_for_all_nodes_that_follow(
     assert named.name == "250.yaml"
 
 
+def test_a_parameter_with_a_separator_is_a_list(package: Path) -> None:
+    text = """
+    <launch>
+      <let name="joint" value="swing"/>
+      <node pkg="robot_state_publisher" exec="robot_state_publisher">
+        <param name="robot_description" value="$(command 'xacro $(var file)')"/>
+      </node>
+      <node pkg="controller_manager" exec="ros2_control_node">
+        <param name="one" value="$(var joint);b"/>
+        <param name="two" value="$(var joint);1;b" value-sep=";"/>
+      </node>
+    </launch>
+    """
+    urdf = package / "urdf" / "pendulum.urdf.xacro"
+    path = write_launch(package, text, "test.launch.xml")
+
+    (robot,) = ad.load_launch(path, arguments={"file": str(urdf)}).robots
+
+    found: dict[str, object] = {}
+    for file in robot.controllers:
+        data = yaml.safe_load(file.read_text(encoding="utf-8"))
+        found |= data["controller_manager"]["ros__parameters"]
+    assert found == {"one": "swing;b", "two": ["swing", 1, "b"]}
+
+
 def test_what_a_shell_gives_to_xacro_and_only_copies_is_the_description(
     package: Path,
 ) -> None:
