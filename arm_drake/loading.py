@@ -290,7 +290,7 @@ def _read_controllers(
     """Return the YAML files of bridges, and what those of controllers configure."""
     bundled, packages, report = loading.bundled, loading.packages, loading.report
     bridges, controllers = split_bridges(arguments["controllers"])
-    bridges = bridges or find_bridge_files(description, bundled, report)
+    bridges = bridges or find_bridge_files(description, packages, bundled, report)
     files = find_control_files(controllers, description, packages, bundled, report)
     if files is None:
         return bridges, default_controllers(description, report)

@@ -239,6 +239,22 @@ def test_a_folder_with_two_robots_names_them(package):
     )
 
 
+def test_of_files_that_include_each_other_the_outermost_is_loaded(package):
+    (package / "urdf" / "arm.urdf").rename(package / "urdf" / "a.urdf")
+    include = '<xacro:include filename="$(find {})/urdf/{}"/>'
+    outer = include.format(package.name, "a.urdf") + "<!-- " + include + " -->"
+    write(
+        package / "urdf" / "b.xacro",
+        f'<robot xmlns:xacro="{XACRO}" name="b">{outer.format(package.name, "c")}'
+        "</robot>",
+    )
+
+    assert ad.load_robot(package).description.file == package / "urdf" / "b.xacro"
+
+    write(package / "urdf" / "c.xacro", ARM.format(more=""))
+    assert problem(package).endswith("got 2; name the file: urdf/b.xacro, urdf/c.xacro")
+
+
 def test_a_folder_without_a_robot_is_an_error(tmp_path):
     assert problem(tmp_path) == (
         f"{tmp_path}: no robot description (.urdf, .xacro) in the folder"

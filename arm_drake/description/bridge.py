@@ -14,7 +14,9 @@ from typing import Literal
 import yaml
 
 from arm_drake import yaml_files
+from arm_drake.description.control_files import files_in_config
 from arm_drake.description.entry import Source, configs_folder, text_of
+from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import suggest
@@ -107,16 +109,16 @@ def split_bridges(
 
 
 def find_bridge_files(
-    description: RobotDescription, bundled: str | None, report: LoadReport
+    description: RobotDescription,
+    packages: PackageFinder,
+    bundled: str | None,
+    report: LoadReport,
 ) -> list[Path]:
     """Return the bridges in the config folder of the description's package."""
     if bundled is not None:
-        folders = [configs_folder() / bundled]
+        files = sorted((configs_folder() / bundled).glob("**/*.y*ml"))
     else:
-        parents = description.file.parents
-        packages = [f for f in parents if (f / "package.xml").is_file()]
-        folders = [folder / "config" for folder in packages[:1]]
-    files = [path for folder in folders for path in sorted(folder.glob("**/*.y*ml"))]
+        files = files_in_config(description.file, packages)
     return [path for path in files if _is_bridge(path, report)]
 
 

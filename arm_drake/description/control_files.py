@@ -102,7 +102,7 @@ def _controllers_in_package(
     """Return the controllers YAML in the package's config folder, if there is one."""
     candidates = [
         path
-        for path in _files_in_config(description.file, packages)
+        for path in files_in_config(description.file, packages)
         if _has_controllers(path)
     ]
     if moving_plugins(description) and not description.hardware:
@@ -123,7 +123,7 @@ def _controllers_in_package(
     return []
 
 
-def _files_in_config(file: Path, packages: PackageFinder) -> list[Path]:
+def files_in_config(file: Path, packages: PackageFinder) -> list[Path]:
     """Return the YAML files of `config` in a file's package, as source or installed.
 
     Packages after ros2_control's template have it in `bringup/config`.

@@ -108,8 +108,10 @@ _SUFFIXES = (".urdf", ".xacro", ".xml")
 # How packages of a robot's description are called, after the robot.
 _FOLDER_SUFFIXES = ("_description", "_descriptions", "_support")
 
-# Tags of a xacro file: a robot's name, macros without content, calls of macros.
+# Tags of a xacro file: a robot's name, what it includes, macros without content, calls
+# of macros.
 _NAME = re.compile(r"<xacro:attribute\s[^<>]*\bname\s*=\s*['\"]name['\"]")
+_INCLUDED = re.compile(r"<xacro:include\s[^<>]*[\"'/]([^\"'/<>]+)[\"']\s*/?>")
 _EMPTY_MACRO = re.compile(r"<xacro:macro\b[^<>]*/>")
 _CALL = re.compile(
     r"<xacro:(?!(arg|attribute|element|else|if|include|insert_block|macro|property"
@@ -190,6 +192,7 @@ def _entry_in_folder(folder: Path) -> Path:
     alike = [p for p in candidates if p.name.partition(".")[0] in names]
     if len(alike) == 1:
         return alike[0].absolute()
+    candidates = _without_included(candidates)
     if not candidates:
         problem = "no robot description (.urdf, .xacro) in the folder"
         raise DescriptionError(problem, file=folder)
@@ -201,6 +204,17 @@ def _entry_in_folder(folder: Path) -> Path:
             file=folder,
         )
     return candidates[0].absolute()
+
+
+def _without_included(paths: list[Path]) -> list[Path]:
+    """Return the files that none of the others includes; all, if each is included."""
+    included = {
+        name
+        for path in paths
+        for name in _INCLUDED.findall(_without(text_of(path), "<!--", "-->"))
+        if name != path.name
+    }
+    return [path for path in paths if path.name not in included] or paths
 
 
 def _files_below(folder: Path) -> Iterator[Path]:

@@ -145,13 +145,23 @@ def _make_parameters(element: _Element) -> list[Any]:
             inner = {k: v for each in _make_parameters(child) for k, v in each.items()}
             found.append({child.attributes["name"]: inner})
         else:
-            # One text, not a list of the pieces that it is made of.
-            text = substitutions.StringJoinSubstitution(child.get("value", [""]))
-            value = parameters.ParameterValue(text)
+            value = parameters.ParameterValue(_make_value(child))
             if child.attributes.get("type") == "str":
                 value.value_type = str
             found.append({child.attributes["name"]: value})
     return found
+
+
+def _make_value(element: _Element) -> Any:
+    """Return the value of a parameter; with `value-sep` it is a list."""
+    text = element.attributes.get("value", "")
+    separator = element.attributes.get("value-sep")
+    # One text each, not a list of the pieces that it is made of.
+    values = [
+        substitutions.StringJoinSubstitution(parse_substitution(part))
+        for part in (text.split(separator) if separator else [text])
+    ]
+    return [parameters.ParameterValue(v) for v in values] if separator else values[0]
 
 
 def _make_node(element: _Element) -> Any:

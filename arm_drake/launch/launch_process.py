@@ -534,6 +534,17 @@ class _Watch:
         raise _RefusedError(f"it {text}, which a launch file here may not do")
 
 
+# What a shell has that ROS is set up in, for launch files that ask for it.
+_OF_ROS = {
+    "AMENT_PREFIX_PATH": "",
+    "LD_LIBRARY_PATH": "",
+    "PYTHONPATH": "",
+    "ROS_DISTRO": "jazzy",
+    "ROS_PYTHON_VERSION": "3",
+    "ROS_VERSION": "2",
+}
+
+
 def main() -> None:
     """Read the launch file that standard input names, and tell what it would do."""
     # Nothing that a launch file prints may come between what is told.
@@ -544,6 +555,8 @@ def main() -> None:
     tempfile.tempdir = request["folder"]
     sys.dont_write_bytecode = True
     sys.argv = ["ros2", "launch", request["file"]]
+    for name, value in _OF_ROS.items():
+        os.environ.setdefault(name, value)
     # As the module site has it, which isn't loaded.
     vars(builtins).update(exit=sys.exit, quit=sys.exit)
     context = LaunchContext(other.find, other.expand)

@@ -42,6 +42,7 @@ NODES = (
         "spawner",
         "which controllers run: `--inactive`, `--stopped`, `--load-only`, "
         "`--param-file`, `--controller-type`, `--activate-as-group`, "
+        "`--controller-ros-args` (remappings and parameters), "
         "`--controller-manager`, `--namespace`. What isn't spawned doesn't run",
         ends=True,
     ),

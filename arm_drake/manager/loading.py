@@ -7,6 +7,7 @@ active controller.
 
 import dataclasses as dc
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from arm_drake import interfaces
@@ -507,15 +508,13 @@ class ControllerLoader:
         done: str,
         error: ParameterError | None = None,
     ) -> None:
-        self._report.add(
-            severity,
-            kind,
-            what,
-            done,
-            where=(error.where if error else None) or controller.name,
-            file=(error.file if error else None) or controller.file,
-            line=error.line if error and error.where else controller.line,
-        )
+        # What is missing has no line: it would stand where the controller does.
+        file = (error.file if error else None) or controller.file
+        line = error.line if error else None
+        if line is None and Path(file) == controller.file:
+            line = controller.line
+        where = (error.where if error else None) or controller.name
+        self._report.add(severity, kind, what, done, where=where, file=file, line=line)
 
 
 def load_controllers(

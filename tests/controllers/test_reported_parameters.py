@@ -133,10 +133,7 @@ def test_saturation_of_a_trajectory_controller_is_unknown_after_jazzy():
         (
             "jazzy",
             {"linear.x.has_jerk_limits": False, "linear.x.max_jerk": 0.0},
-            [
-                "warning: linear.x.max_jerk: has_jerk_limits is not true; the limit is "
-                "off"
-            ],
+            ["info: linear.x.max_jerk: has_jerk_limits is false; the limit is off"],
         ),
         (
             "jazzy",
@@ -145,8 +142,8 @@ def test_saturation_of_a_trajectory_controller_is_unknown_after_jazzy():
                 "angular.z.max_deceleration": -1.0,
             },
             [
-                "warning: angular.z.max_deceleration: has_acceleration_limits is not "
-                "true; the limit is off"
+                "info: angular.z.max_deceleration: has_acceleration_limits is false; "
+                "the limit is off"
             ],
         ),
     ],

@@ -7,6 +7,7 @@ import pytest
 import arm_drake as ad
 from arm_drake.description import bridge
 from arm_drake.description.bridge import TopicAlias, load_bridges, split_bridges
+from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import InputError
 from tests.models import pendulum, ros2_control, trajectory_controllers
@@ -214,6 +215,21 @@ def test_the_bridge_in_the_config_folder_is_taken_beside_the_controllers(tmp_pat
     assert list(robot.report) == []
 
 
+def test_a_bridge_that_is_installed_into_the_config_folder_is_taken(tmp_path):
+    text = f"- {{topic_name: a, {FLOAT}}}"
+    robot = make_package(tmp_path, controllers=CONTROLLERS, bridge=text)
+    (tmp_path / "bringup").mkdir()
+    (tmp_path / "config").rename(tmp_path / "bringup" / "config")
+    install = "install(DIRECTORY urdf bringup/config DESTINATION share/${PROJECT_NAME})"
+    (tmp_path / "CMakeLists.txt").write_text(f"project(swing)\n{install}\n")
+
+    found = ad.load_robot(robot)
+
+    assert names(found.topic_aliases) == [("/a", "/a", "BIDIRECTIONAL")]
+    (alias,) = found.topic_aliases
+    assert alias.file == tmp_path / "bringup" / "config" / "bridge.yaml"
+
+
 def test_a_robot_without_a_bridge_has_no_aliases(tmp_path):
     robot = ad.load_robot(make_package(tmp_path, controllers=CONTROLLERS))
 
@@ -261,7 +277,9 @@ def test_the_bridge_of_a_bundled_robot_is_in_its_configs(tmp_path, monkeypatch):
     file.write_text(f"- {{topic_name: a, {FLOAT}}}", encoding="utf-8")
     monkeypatch.setattr(bridge, "configs_folder", lambda: tmp_path)
 
-    found = bridge.find_bridge_files(robot.description, robot.bundled, robot.report)
+    found = bridge.find_bridge_files(
+        robot.description, PackageFinder(file), robot.bundled, robot.report
+    )
 
     assert robot.topic_aliases == ()
     assert found == [file]

@@ -149,6 +149,22 @@ def test_arguments_without_a_default_are_shown_and_asked_for(package: Path) -> N
     assert "'robot_ip':\n        Where it is." in text
 
 
+def test_the_environment_is_that_of_a_shell_with_ros(
+    package: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("ROS_DISTRO", raising=False)
+    monkeypatch.setenv("LD_LIBRARY_PATH", "/own")
+    path = describe(
+        package,
+        """
+        Node(package=os.environ["LD_LIBRARY_PATH"], executable=EnvironmentVariable(
+            "ROS_DISTRO")),
+        """,
+    )
+
+    assert names(ad.load_launch(path)) == ["/own/jazzy"]
+
+
 def test_conditions_decide(package: Path) -> None:
     before = """
     def node(name, condition):
@@ -487,6 +503,31 @@ def test_parameters_are_set_for_all_nodes_that_follow(
     data = yaml.safe_load(written.read_text(encoding="utf-8"))
     assert data == {"controller_manager": {"ros__parameters": {"update_rate": 250}}}
     assert named.name == "250.yaml"
+
+
+def test_a_parameter_with_a_separator_is_a_list(package: Path) -> None:
+    text = """
+    <launch>
+      <let name="joint" value="swing"/>
+      <node pkg="robot_state_publisher" exec="robot_state_publisher">
+        <param name="robot_description" value="$(command 'xacro $(var file)')"/>
+      </node>
+      <node pkg="controller_manager" exec="ros2_control_node">
+        <param name="one" value="$(var joint);b"/>
+        <param name="two" value="$(var joint);1;b" value-sep=";"/>
+      </node>
+    </launch>
+    """
+    urdf = package / "urdf" / "pendulum.urdf.xacro"
+    path = write_launch(package, text, "test.launch.xml")
+
+    (robot,) = ad.load_launch(path, arguments={"file": str(urdf)}).robots
+
+    found: dict[str, object] = {}
+    for file in robot.controllers:
+        data = yaml.safe_load(file.read_text(encoding="utf-8"))
+        found |= data["controller_manager"]["ros__parameters"]
+    assert found == {"one": "swing;b", "two": ["swing", 1, "b"]}
 
 
 def test_what_a_shell_gives_to_xacro_and_only_copies_is_the_description(

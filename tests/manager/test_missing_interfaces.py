@@ -362,3 +362,20 @@ def test_a_broadcaster_whose_sensor_lacks_something_stays_inactive(
         sim.switch_controllers([name])
     assert str(error.value) == f"could not activate {name!r}: {message}"
     check_the_rest(sim)
+
+
+def test_a_parameter_that_is_missing_is_looked_for_where_the_controller_is(
+    tmp_path: Path,
+) -> None:
+    file = tmp_path / "c.yaml"
+    file.write_text(
+        "controller_manager:\n"
+        "  ros__parameters:\n"
+        "    update_rate: 100\n"
+        "    arm: {type: joint_trajectory_controller/JointTrajectoryController}\n"
+    )
+
+    robot = ad.load_robot(models.LIFT, controllers=file)
+
+    (error,) = robot.report.errors
+    assert (error.where, error.file, error.line) == ("arm.joints", str(file), 4)

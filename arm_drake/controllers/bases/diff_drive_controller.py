@@ -50,6 +50,7 @@ from arm_drake.description.parameters import (
     check_not_empty,
     check_not_zero,
 )
+from arm_drake.description.report import Severity
 from arm_drake.messages import (
     NANOSECONDS,
     Header,
@@ -92,9 +93,11 @@ class DiffDriveSpeedLimits(SpeedLimits):
                 limits += later
             is_off = not is_on if is_humble else is_on is False
             if is_off and params.is_before("rolling"):
+                # Who says so means it.
+                severity: Severity = "warning" if is_on is None else "info"
+                what = f"{gate} is {'not true' if is_on is None else 'false'}"
                 for name in limits:
-                    what = f"{gate} is not true"
-                    params.add(name, "warning", "ignored", what, "the limit is off")
+                    params.add(name, severity, "ignored", what, "the limit is off")
                     params.drop(name)
             elif not is_humble and is_on is not None:
                 params.add(
