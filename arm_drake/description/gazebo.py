@@ -28,6 +28,7 @@ from arm_drake.description.elements import (
 from arm_drake.description.gazebo_plugins import (
     KINDS,
     AckermannSteering,
+    GazeboRosAckermannDrive,
     GazeboRosDiffDrive,
     JointPlugin,
     JointPositionController,
@@ -57,7 +58,7 @@ _MOVING = re.compile(
     r"(gz-sim|ignition-gazebo)\d*-(tracked-vehicle"
     r"|track-controller|trajectory-follower|thruster"
     r"|multicopter-[a-z-]+|apply-link-wrench)-system"
-    r"|gazebo_ros_(ackermann_drive|tricycle_drive|force|hand_of_god)"
+    r"|gazebo_ros_(tricycle_drive|force|hand_of_god)"
 )
 
 # What publishes what cameras and lidars see.
@@ -284,9 +285,10 @@ class _FieldReader(ElementReader):
             if entries:
                 values[field.name] = self._value(field, entries)
             if field.metadata.get("joints"):
-                values[field.name] = self._joints(
-                    values.get(field.name, ()), joint_names
-                )
+                names = values.get(field.name, field.default)
+                if entries:
+                    names = self._joints(names, joint_names)
+                values[field.name] = tuple(n for n in names if n in joint_names)
         unread = sorted({name for name, _ in plugin.fields} - known)
         if unread:
             what = f"unknown tags: {', '.join(unread)}"
@@ -360,6 +362,8 @@ class _FieldReader(ElementReader):
             return _drive_problem(typed)
         if isinstance(typed, GazeboRosDiffDrive):
             return _classic_problem(plugin, typed)
+        if isinstance(typed, GazeboRosAckermannDrive):
+            return _ackermann_problem(typed)
         return None
 
 
@@ -417,6 +421,18 @@ def _classic_problem(plugin: GazeboPlugin, typed: GazeboRosDiffDrive) -> str | N
     return _measure_problem(
         {"wheel_separation": typed.separations, "wheel_diameter": diameters}
     )
+
+
+def _ackermann_problem(typed: GazeboRosAckermannDrive) -> str | None:
+    for part in ("right_steering", "left_steering", "linear_velocity"):
+        for name, number in ((f"{part}_pid_gain", 3), (f"{part}_i_range", 2)):
+            if len(numbers := getattr(typed, name)) not in (0, number):
+                word = "three" if number == 3 else "two"
+                return f"{name}: expected {word} numbers, got {len(numbers)}"
+    for name in ("max_speed", "max_steer", "max_steering_angle"):
+        if not 0.0 < (value := getattr(typed, name)) < math.inf:
+            return f"{name}: expected a number above 0, got {value:g}"
+    return None
 
 
 def _measure_problem(lengths: Mapping[str, Sequence[float]]) -> str | None:
