@@ -11,6 +11,7 @@ forcetorque.sdf; gazebo_ros_pkgs, branch ros2, gazebo_plugins/src/gazebo_ros_bum
 
 import collections
 import dataclasses as dc
+import difflib
 import math
 import re
 import xml.etree.ElementTree as ET
@@ -291,7 +292,8 @@ class _FieldReader(ElementReader):
                 values[field.name] = tuple(n for n in names if n in joint_names)
         unread = sorted({name for name, _ in plugin.fields} - known)
         if unread:
-            what = f"unknown tags: {', '.join(unread)}"
+            names = ", ".join(name + _hint(name, known) for name in unread)
+            what = f"unknown tags: {names}"
             self.note("info", "ignored", what, "they have no effect")
         typed: JointPlugin = make(**{n: v for n, v in values.items() if v is not None})
         problem = self._problem(plugin, typed)
@@ -365,6 +367,12 @@ class _FieldReader(ElementReader):
         if isinstance(typed, GazeboRosAckermannDrive):
             return _ackermann_problem(typed)
         return None
+
+
+def _hint(tag: str, known: Collection[str]) -> str:
+    """Return what a tag that isn't known may have meant, in brackets, or ""."""
+    close = difflib.get_close_matches(tag, sorted(known), n=1, cutoff=0.85)
+    return f" (did you mean {close[0]!r}?)" if close else ""
 
 
 def _odometry_problem(typed: OdometryPublisher) -> str | None:

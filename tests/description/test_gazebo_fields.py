@@ -477,8 +477,8 @@ def test_a_tag_that_a_mecanum_drive_does_not_know_is_named():
     (_,), lines = read(MECANUM, *CORNERS, ("wheel_base", "0.4"))
 
     assert lines == [
-        "info: arm.urdf: Gazebo plugin 'p': unknown tags: wheel_base; they have no "
-        "effect"
+        "info: arm.urdf: Gazebo plugin 'p': unknown tags: wheel_base (did you mean "
+        "'wheelbase'?); they have no effect"
     ]
 
 
