@@ -529,3 +529,22 @@ def test_classic_s_steered_cart_turns_its_steering_wheel_along(tmp_path: Path) -
         *("front_right_wheel", "front_left_wheel", "right_wheel", "left_wheel"),
         *("right_knuckle", "left_knuckle", "rim", "base_footprint"),
     ]
+
+
+def test_of_two_robots_each_has_the_velocity_that_is_set(tmp_path: Path) -> None:
+    robot = load(tmp_path, cart(plugin("gz-sim-velocity-control-system")))
+    robots = [
+        dataclasses.replace(robot, name=name, pose=(x, 0.0, 0.0, 0.0, 0.0, 0.0))
+        for name, x in (("one", 0.0), ("two", 3.0))
+    ]
+    options = ad.SimulationOptions(gravity=False)
+    sim = ad.Simulation(ad.build_diagram(robots, world="void", options=options))
+
+    sim.topic("/model/two/cmd_vel").publish(Twist(Vector3(y=0.2)))
+    sim.run(0.5)
+
+    one, two = (
+        sim.link_poses(robot.name)["base_link"].translation()[:2] for robot in robots
+    )
+    assert one == pytest.approx([0.0, 0.0], abs=1e-3)
+    assert two == pytest.approx([3.0, 0.1], abs=1e-3)
