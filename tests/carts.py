@@ -130,3 +130,21 @@ def ackermann_steering(*tags: tuple[str, object]) -> str:
     more = (*steering, *measures, ("wheel_radius", RADIUS), *tags)
     name = "gz-sim-ackermann-steering-system"
     return _plugin(name, "gz::sim::systems::AckermannSteering", (*_MEASURES, *more))
+
+
+def classic_ackermann(*tags: tuple[str, object]) -> str:
+    """Return Gazebo Classic's plugin that drives it, with further tags."""
+    joints = (
+        *(("front_right_joint", "front_right"), ("front_left_joint", "front_left")),
+        *(("rear_right_joint", "right"), ("rear_left_joint", "left")),
+        ("right_steering_joint", "right_steering"),
+        ("left_steering_joint", "left_steering"),
+    )
+    gains = (
+        ("right_steering_pid_gain", "20 0 0.5"),
+        ("left_steering_pid_gain", "20 0 0.5"),
+        ("linear_velocity_pid_gain", "1 2 0"),
+        ("linear_velocity_i_range", "-20 20"),
+    )
+    more = (*joints, *gains, ("publish_odom", "true"), *tags)
+    return _plugin("libgazebo_ros_ackermann_drive.so", "drive", more)

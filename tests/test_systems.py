@@ -404,6 +404,21 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
         ],
         controller_params(),
     ),
+    gazebo.find_system(tags.GazeboRosAckermannDrive): lambda: gazebo.make_plugin(
+        [
+            tags.GazeboRosAckermannDrive(
+                *(("joint",),) * 7,
+                publish_odom=True,
+                publish_odom_tf=True,
+                publish_distance=True,
+                base_link="base",
+                wheel_radius=0.1,
+                wheel_separation=0.4,
+                wheel_base=0.5,
+            )
+        ],
+        dc.replace(controller_params(), links=("base",)),
+    ),
     gazebo.find_system(tags.VelocityControl): lambda: gazebo.make_plugin(
         [tags.VelocityControl(topic="<topic>")], controller_params()
     ),

@@ -29,6 +29,7 @@ from arm_drake.description.claimed_hardware import (
 from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
 from arm_drake.description.gazebo_plugins import (
     BaseHolder,
+    GazeboRosAckermannDrive,
     GazeboRosDiffDrive,
     MecanumDrive,
     WheelDrive,
@@ -86,7 +87,9 @@ def find_bases(
         tags = [
             tag
             for tag in controller.plugins
-            if isinstance(tag, WheelDrive | GazeboRosDiffDrive)
+            if isinstance(
+                tag, WheelDrive | GazeboRosDiffDrive | GazeboRosAckermannDrive
+            )
         ]
         for tag in tags:
             driven, steered = (
@@ -227,6 +230,26 @@ def link_orientation(description: RobotDescription, link: str) -> Array:
     for carrier in joints_above(description.joints, link):
         R = carrier.origin.rotation @ R
     return R
+
+
+def place_in_root(
+    description: RobotDescription, link: str, point: Sequence[float] | Array
+) -> Array:
+    """Return a point of a link in its root [m], joints at 0, shape (3,)."""
+    place = np.array(point, dtype=float)
+    for carrier in joints_above(description.joints, link):
+        place = carrier.origin.position + carrier.origin.rotation @ place
+    return place
+
+
+def first_collision(
+    description: RobotDescription, link: str
+) -> tuple[str, ShapeInfo] | None:
+    """Return the first shape that a link, or what is fixed to it, collides with."""
+    for name in rigid_links(description, link):
+        for shape in description.link(name).collisions:
+            return name, shape
+    return None
 
 
 # Part of the link's mass that turns; the rest is what holds the axle.

@@ -11,6 +11,7 @@ forcetorque.sdf; gazebo_ros_pkgs, branch ros2, gazebo_plugins/src/gazebo_ros_bum
 
 import collections
 import dataclasses as dc
+import difflib
 import math
 import re
 import xml.etree.ElementTree as ET
@@ -28,6 +29,7 @@ from arm_drake.description.elements import (
 from arm_drake.description.gazebo_plugins import (
     KINDS,
     AckermannSteering,
+    GazeboRosAckermannDrive,
     GazeboRosDiffDrive,
     JointPlugin,
     JointPositionController,
@@ -57,7 +59,7 @@ _MOVING = re.compile(
     r"(gz-sim|ignition-gazebo)\d*-(tracked-vehicle"
     r"|track-controller|trajectory-follower|thruster"
     r"|multicopter-[a-z-]+|apply-link-wrench)-system"
-    r"|gazebo_ros_(ackermann_drive|tricycle_drive|force|hand_of_god)"
+    r"|gazebo_ros_(tricycle_drive|force|hand_of_god)"
 )
 
 # What publishes what cameras and lidars see.
@@ -284,12 +286,14 @@ class _FieldReader(ElementReader):
             if entries:
                 values[field.name] = self._value(field, entries)
             if field.metadata.get("joints"):
-                values[field.name] = self._joints(
-                    values.get(field.name, ()), joint_names
-                )
+                names = values.get(field.name, field.default)
+                if entries:
+                    names = self._joints(names, joint_names)
+                values[field.name] = tuple(n for n in names if n in joint_names)
         unread = sorted({name for name, _ in plugin.fields} - known)
         if unread:
-            what = f"unknown tags: {', '.join(unread)}"
+            names = ", ".join(name + _hint(name, known) for name in unread)
+            what = f"unknown tags: {names}"
             self.note("info", "ignored", what, "they have no effect")
         typed: JointPlugin = make(**{n: v for n, v in values.items() if v is not None})
         problem = self._problem(plugin, typed)
@@ -360,7 +364,15 @@ class _FieldReader(ElementReader):
             return _drive_problem(typed)
         if isinstance(typed, GazeboRosDiffDrive):
             return _classic_problem(plugin, typed)
+        if isinstance(typed, GazeboRosAckermannDrive):
+            return _ackermann_problem(typed)
         return None
+
+
+def _hint(tag: str, known: Collection[str]) -> str:
+    """Return what a tag that isn't known may have meant, in brackets, or ""."""
+    close = difflib.get_close_matches(tag, sorted(known), n=1, cutoff=0.85)
+    return f" (did you mean {close[0]!r}?)" if close else ""
 
 
 def _odometry_problem(typed: OdometryPublisher) -> str | None:
@@ -417,6 +429,18 @@ def _classic_problem(plugin: GazeboPlugin, typed: GazeboRosDiffDrive) -> str | N
     return _measure_problem(
         {"wheel_separation": typed.separations, "wheel_diameter": diameters}
     )
+
+
+def _ackermann_problem(typed: GazeboRosAckermannDrive) -> str | None:
+    for part in ("right_steering", "left_steering", "linear_velocity"):
+        for name, number in ((f"{part}_pid_gain", 3), (f"{part}_i_range", 2)):
+            if len(numbers := getattr(typed, name)) not in (0, number):
+                word = "three" if number == 3 else "two"
+                return f"{name}: expected {word} numbers, got {len(numbers)}"
+    for name in ("max_speed", "max_steer", "max_steering_angle"):
+        if not 0.0 < (value := getattr(typed, name)) < math.inf:
+            return f"{name}: expected a number above 0, got {value:g}"
+    return None
 
 
 def _measure_problem(lengths: Mapping[str, Sequence[float]]) -> str | None:

@@ -14,7 +14,7 @@ Sources of the fields and of their defaults:
 - gazebo_ros_pkgs, branch ros2, gazebo_plugins/src:
   gazebo_ros_joint_state_publisher.cpp,
   gazebo_ros_joint_pose_trajectory.cpp, gazebo_ros_diff_drive.cpp,
-  gazebo_ros_planar_move.cpp, gazebo_ros_bumper.cpp
+  gazebo_ros_planar_move.cpp, gazebo_ros_ackermann_drive.cpp, gazebo_ros_bumper.cpp
 - gz_ros2_control: gz_ros2_control_plugin.cpp; gazebo_ros2_control:
   gazebo_ros2_control_plugin.cpp
 """
@@ -30,9 +30,9 @@ def tags(*names: str, default: Any = ()) -> Any:
     return dc.field(default=default, metadata={"tags": names})
 
 
-def joint_tags(*names: str) -> Any:
+def joint_tags(*names: str, default: tuple[str, ...] = ()) -> Any:
     """Return a field of joint names, read from these tags."""
-    return dc.field(default=(), metadata={"tags": names, "joints": True})
+    return dc.field(default=default, metadata={"tags": names, "joints": True})
 
 
 @dc.dataclass(frozen=True)
@@ -532,6 +532,85 @@ class GazeboRosDiffDrive(JointPlugin):
         return (*values, *(default,) * pairs)[:pairs]
 
 
+def _named_joint(name: str) -> Any:
+    """Return a field of a joint that is called as its tag where there is none."""
+    return joint_tags(name, default=(name,))
+
+
+@dc.dataclass(frozen=True)
+class GazeboRosAckermannDrive(JointPlugin):
+    """Drives rear wheels and steers by the forces of PIDs, in Gazebo Classic."""
+
+    front_right_joints: tuple[str, ...] = _named_joint("front_right_joint")
+    front_left_joints: tuple[str, ...] = _named_joint("front_left_joint")
+    rear_right_joints: tuple[str, ...] = _named_joint("rear_right_joint")
+    rear_left_joints: tuple[str, ...] = _named_joint("rear_left_joint")
+    right_steering_joints: tuple[str, ...] = _named_joint("right_steering_joint")
+    left_steering_joints: tuple[str, ...] = _named_joint("left_steering_joint")
+    steering_wheel_joints: tuple[str, ...] = _named_joint("steering_wheel_joint")
+
+    # Largest speed [m/s], and angles of the front wheels and the steering wheel [rad].
+    max_speed: float = 20.0
+    max_steer: float = 0.6
+    max_steering_angle: float = 7.85
+
+    # Gains p, i and d, and the smallest and the largest integral term; empty is 0.
+    right_steering_pid_gain: tuple[float, ...] = ()
+    right_steering_i_range: tuple[float, ...] = ()
+    left_steering_pid_gain: tuple[float, ...] = ()
+    left_steering_i_range: tuple[float, ...] = ()
+    linear_velocity_pid_gain: tuple[float, ...] = ()
+    linear_velocity_i_range: tuple[float, ...] = ()
+
+    # [Hz]; 0 is every step.
+    update_rate: float = 100.0
+
+    odometry_frame: str = "odom"
+    robot_base_frame: str = "base_footprint"
+    publish_odom: bool = False
+    publish_odom_tf: bool = False
+    publish_wheel_tf: bool = False
+    publish_distance: bool = False
+    covariance_x: float = 0.00001
+    covariance_y: float = 0.00001
+    covariance_yaw: float = 0.001
+
+    namespace: str = tags("ros/namespace", default="")
+    remappings: tuple[str, ...] = tags("ros/remapping", "ros/argument")
+
+    # The link that the robot hangs from, and the links that each joint connects, in
+    # Gazebo's order.
+    base_link: str = tags(default="")
+    wheel_links: tuple[tuple[str, str], ...] = tags()
+
+    # Of the wheels' shapes to collide with, joints at 0: radius of the right one at
+    # the rear, distance of those in front, of the axles [m].
+    wheel_radius: float = tags(default=0.0)
+    wheel_separation: float = tags(default=0.0)
+    wheel_base: float = tags(default=0.0)
+
+    @property
+    def driven_joints(self) -> tuple[str, ...]:
+        """Joints of wheels that it turns."""
+        return (*self.rear_right_joints, *self.rear_left_joints)
+
+    @property
+    def steered_joints(self) -> tuple[str, ...]:
+        """Joints by which it steers."""
+        return (*self.right_steering_joints, *self.left_steering_joints)
+
+    @property
+    def all_joints(self) -> tuple[str, ...]:
+        """All its joints in Gazebo's order."""
+        front = (*self.front_right_joints, *self.front_left_joints)
+        moved = (*self.driven_joints, *self.steered_joints)
+        return (*front, *moved, *self.steering_wheel_joints)
+
+    def needs(self, field: str) -> bool:
+        """Return whether it does nothing without joints in a field of joints."""
+        return field != "steering_wheel_joints"
+
+
 # Those that the simulator stands in for, by what they are for.
 KINDS: Mapping[str, type[JointPlugin]] = {
     "ros2_control": Ros2ControlPlugin,
@@ -549,6 +628,7 @@ KINDS: Mapping[str, type[JointPlugin]] = {
     "gazebo_ros_joint_pose_trajectory": GazeboRosJointPoseTrajectory,
     "gazebo_ros_diff_drive": GazeboRosDiffDrive,
     "gazebo_ros_planar_move": GazeboRosPlanarMove,
+    "gazebo_ros_ackermann_drive": GazeboRosAckermannDrive,
 }
 
 

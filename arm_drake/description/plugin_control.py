@@ -10,7 +10,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
+import numpy as np
+
 from arm_drake import interfaces
+from arm_drake.description.base_wheels import first_collision, place_in_root
 from arm_drake.description.claimed_hardware import claimed_joints, make_block
 from arm_drake.description.controllers import (
     MANAGER,
@@ -23,6 +26,7 @@ from arm_drake.description.gazebo_plugins import (
     ApplyJointForce,
     BaseHolder,
     DiffDrive,
+    GazeboRosAckermannDrive,
     GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
@@ -49,7 +53,7 @@ OneOfJoints: TypeAlias = (
     | ApplyJointForce
     | JointTrajectoryController
 )
-Driving: TypeAlias = WheelDrive | GazeboRosDiffDrive
+Driving: TypeAlias = WheelDrive | GazeboRosDiffDrive | GazeboRosAckermannDrive
 Moving: TypeAlias = OneOfJoints | Driving | GazeboRosJointPoseTrajectory
 
 # Plugins that run as controllers.
@@ -87,7 +91,7 @@ def plugin_joints(description: RobotDescription) -> frozenset[str]:
     """
     movable = {joint.name: joint for joint in description.movable_joints}
     requested = {
-        (name, interface_of(plugin))
+        (name, interface_of(plugin, name))
         for plugin in description.joint_plugins
         for name in _joints_of(plugin, movable)
     }
@@ -100,8 +104,11 @@ def plugin_joints(description: RobotDescription) -> frozenset[str]:
     return frozenset(names | {name for name in carriers if name is not None})
 
 
-def interface_of(plugin: JointPlugin) -> str:
-    """Return what a plugin commands of its joints."""
+def interface_of(plugin: JointPlugin, joint: str) -> str:
+    """Return what a plugin commands of one of its joints."""
+    if isinstance(plugin, GazeboRosAckermannDrive):
+        is_put = joint in plugin.steering_wheel_joints
+        return interfaces.POSITION if is_put else interfaces.EFFORT
     if isinstance(plugin, JointPositionController) and plugin.use_velocity_commands:
         return interfaces.VELOCITY
     if isinstance(plugin, JointController) and not plugin.use_force_commands:
@@ -154,7 +161,7 @@ class PluginSorter:
         owner: dict[str, object] = {}
         for at, (plugin, names) in enumerate(zip(plugins, requested, strict=True)):
             for name in names:
-                carrier = find_carrier(self.movable, name, interface_of(plugin))
+                carrier = find_carrier(self.movable, name, interface_of(plugin, name))
                 if carrier is not None:
                     last[name], owner[carrier] = at, _system(plugin, at)
         tags = []
@@ -204,7 +211,7 @@ class PluginSorter:
         owner: Mapping[str, object],
     ) -> tuple[str, str] | None:
         """Return why a plugin doesn't get a joint, and what happens instead."""
-        carrier = find_carrier(self.movable, name, interface_of(plugin))
+        carrier = find_carrier(self.movable, name, interface_of(plugin, name))
         if carrier is None:
             done = "it moves with the joint that it follows"
             return f"mimic joint {name!r} is commanded", done
@@ -261,8 +268,9 @@ def _keep_wheels(plugin: Driving, own_joints: Collection[str]) -> Driving:
     if set(_moved_by(plugin)) <= set(own_joints):
         return plugin
     if not isinstance(plugin, GazeboRosDiffDrive):
+        lost = set(_moved_by(plugin)) - set(own_joints)
         changes: dict[str, Any] = {
-            field.name: tuple(n for n in getattr(plugin, field.name) if n in own_joints)
+            field.name: tuple(n for n in getattr(plugin, field.name) if n not in lost)
             for field in dc.fields(plugin)
             if field.metadata.get("joints")
         }
@@ -282,7 +290,10 @@ def _keep_wheels(plugin: Driving, own_joints: Collection[str]) -> Driving:
 
 def _moved_by(plugin: Driving) -> list[str]:
     """Return the joints that a drive turns, each once, then those that it steers."""
-    return list(dict.fromkeys((*plugin.driven_joints, *plugin.steered_joints)))
+    moved = [*plugin.driven_joints, *plugin.steered_joints]
+    if isinstance(plugin, GazeboRosAckermannDrive):
+        moved += plugin.steering_wheel_joints
+    return list(dict.fromkeys(moved))
 
 
 def _joints_of(plugin: JointPlugin, movable: Collection[str]) -> list[str]:
@@ -322,6 +333,7 @@ PLUGIN_TYPES: dict[type[RunPlugin], str] = {
     GazeboRosJointStatePublisher: "gazebo_plugins/GazeboRosJointStatePublisher",
     GazeboRosDiffDrive: "gazebo_plugins/GazeboRosDiffDrive",
     GazeboRosPlanarMove: "gazebo_plugins/GazeboRosPlanarMove",
+    GazeboRosAckermannDrive: "gazebo_plugins/GazeboRosAckermannDrive",
 }
 
 
@@ -337,6 +349,7 @@ def add_plugins(
     sorter = PluginSorter(movable, claimed_joints(config), report, description.file)
     plugins = [p for p in description.joint_plugins if isinstance(p, RunPlugin)]
     tags = [_with_links(tag, description) for tag in sorter.sort(plugins)]
+    tags = _without_unmeasured(tags, description, report)
     if not tags:
         return description, config
     if any(tag.joints or isinstance(tag.plugin, BaseHolder) for tag in tags):
@@ -407,12 +420,64 @@ def _with_links(tag: PluginTag, description: RobotDescription) -> PluginTag:
     if description.roots:
         base = description.base
     plugin = dc.replace(plugin, base_link=base)
+    if isinstance(plugin, GazeboRosAckermannDrive):
+        return tag._replace(plugin=_with_measures(plugin, description))
     if not isinstance(plugin, GazeboRosDiffDrive):
         return tag._replace(plugin=plugin)
     ends = {joint.name: (joint.parent, joint.child) for joint in description.joints}
     pairs = zip(plugin.right_joints, plugin.left_joints, strict=True)
     links = tuple(ends[name] for pair in pairs for name in pair)
     return tag._replace(plugin=dc.replace(plugin, wheel_links=links))
+
+
+def _with_measures(
+    plugin: GazeboRosAckermannDrive, description: RobotDescription
+) -> GazeboRosAckermannDrive:
+    """Return a plugin that knows its wheels, by the first shape that each has.
+
+    Where one has none, or is neither a cylinder nor a sphere, the radius stays 0.
+    """
+    joints = {joint.name: joint for joint in description.joints}
+    ends = tuple((joints[n].parent, joints[n].child) for n in plugin.all_joints)
+    plugin = dc.replace(plugin, wheel_links=ends)
+    centers, radii = [], []
+    for _, link in ends[:4]:
+        found = first_collision(description, link)
+        if found is None:
+            return plugin
+        owner, shape = found
+        centers.append(place_in_root(description, owner, shape.origin.position))
+        radii.append(shape.wheel_radius)
+    front_right, front_left, rear_right, rear_left = centers
+    axles = (front_left + front_right) / 2.0 - (rear_left + rear_right) / 2.0
+    return dc.replace(
+        plugin,
+        wheel_radius=radii[2],
+        wheel_separation=float(np.linalg.norm(front_left - front_right)),
+        wheel_base=float(np.linalg.norm(axles)),
+    )
+
+
+def _without_unmeasured(
+    tags: Sequence[PluginTag], description: RobotDescription, report: LoadReport
+) -> list[PluginTag]:
+    """Return the plugins whose wheels have measures, and record the others."""
+    kept = []
+    for tag in tags:
+        plugin = tag.plugin
+        if isinstance(plugin, GazeboRosAckermannDrive):
+            sizes = (plugin.wheel_radius, plugin.wheel_separation, plugin.wheel_base)
+            if not all(size > 0.0 for size in sizes):
+                what = (
+                    "its wheels lack <collision>, a cylinder or a sphere, or are all "
+                )
+                what += "in one place: no radius, wheel separation or wheel base"
+                where, file = f"Gazebo plugin {type(plugin).__name__}", description.file
+                done = "it is left out"
+                report.add("error", "invalid", what, done, where=where, file=file)
+                continue
+        kept.append(tag)
+    return kept
 
 
 def _with_torques(
@@ -487,8 +552,8 @@ def _hardware(
     }
     claims: dict[str, dict[str, None]] = {}
     for tag in tags:
-        interface = interface_of(tag.plugin)
         for name in tag.joints:
+            interface = interface_of(tag.plugin, name)
             carrier = find_carrier(movable, name, interface)
             if carrier is not None and f"{carrier}/{interface}" not in known:
                 claims.setdefault(carrier, {})[interface] = None

@@ -1,14 +1,19 @@
-"""Gazebo's AckermannSteering against closed forms."""
+"""Gazebo's plugins for bases with steered wheels against closed forms."""
 
+import dataclasses as dc
 import math
 from typing import Any
 
 import numpy as np
 import pytest
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
 
+from arm_drake import interfaces
 from arm_drake.controllers.gazebo.ackermann_drive import (
     AckermannGeometry,
     AckermannSteering,
+    GazeboRosAckermannDrive,
 )
 from arm_drake.description import gazebo_plugins
 from arm_drake.messages import Float64, Odometry, Twist, Vector3
@@ -200,3 +205,120 @@ def test_the_heading_stays_within_half_a_turn() -> None:
     # 4 m at 0.7 rad/m.
     angle = math.remainder(4.0 * math.tan(0.4) / BASE, 2.0 * math.pi)
     assert 2.0 * math.asin(z) == pytest.approx(angle, abs=1e-9)
+
+
+def classic(*, rate: int = 1000, **fields: Any) -> Driven:
+    measures = {"wheel_radius": RADIUS, "wheel_separation": WIDTH, "wheel_base": BASE}
+    names = ("fr", "fl", "rr", "rl", "sr", "sl")
+    joints = [*((name,) for name in names), fields.pop("wheel", ())]
+    fields = {"update_rate": 0.0, "publish_odom": True, **measures, **fields}
+    tag = gazebo_plugins.GazeboRosAckermannDrive(*joints, **fields, base_link="trunk")
+    own = [name for joint in joints for name in joint]
+    params = dc.replace(make_surroundings(*own, rate=rate), links=("trunk",))
+    return Driven(GazeboRosAckermannDrive(tag, params))
+
+
+def push(driven: Driven, v: float, w: float) -> dict[str, float]:
+    """Command once for two ticks, the first of which takes no time for a PID."""
+    for _ in range(2):
+        driven.run({"/cmd_vel": (Twist(Vector3(x=v), Vector3(z=w)),)})
+    names = driven.system.command_interfaces
+    return dict(zip(names, driven.command_values.tolist(), strict=True))
+
+
+STEER = {"left_steering_pid_gain": (2, 0, 0), "right_steering_pid_gain": (3.0, 0, 0)}
+
+
+def test_classic_has_its_topics() -> None:
+    system = classic(
+        publish_distance=True, namespace="r1", remappings=("cmd_vel:=go",)
+    ).system
+
+    assert system.message_types == {"/r1/go": Twist}
+    assert all(map(system.HasOutputPort, ("/r1/odom", "/r1/distance")))
+    assert not system.HasOutputPort("/tf")
+
+
+@pytest.mark.parametrize(
+    ("v", "angle", "steered"),
+    [(1.0, 0.3, 0.3), (-1.0, 0.3, -0.3), (0.0, 0.3, 0.3), (1.0, 2.0, 0.6)],
+)
+def test_classic_takes_the_turning_as_an_angle_of_steering(
+    v: float, angle: float, steered: float
+) -> None:
+    found = push(classic(**STEER), v, angle)
+
+    # Wheels and the middle between them have one centre on the rear axle.
+    arm = BASE / math.tan(steered)
+    left, right = found["sl/effort"] / 2.0, found["sr/effort"] / 3.0
+    assert BASE / math.tan(left) == pytest.approx(arm - WIDTH / 2.0)
+    assert BASE / math.tan(right) == pytest.approx(arm + WIDTH / 2.0)
+
+
+def test_classic_pushes_both_rear_wheels_by_the_error_of_the_right_one() -> None:
+    driven = classic(linear_velocity_pid_gain=(0.5, 0.0, 0.0), max_speed=0.4)
+    port = driven.system.params.measured.index("rr/velocity")
+    driven.measure([0.0] * port + [1.0])
+
+    found = push(driven, 9.0, 0.0)
+
+    # 4 rad/s at the limit, less 1 rad/s that it has.
+    assert (found["rr/effort"], found["rl/effort"]) == pytest.approx((1.5, 1.5))
+
+
+def test_classic_s_integral_has_its_range() -> None:
+    fields = {"linear_velocity_pid_gain": (0.0, 100.0, 0.0)}
+    free = classic(**fields, linear_velocity_i_range=(-5.0, 5.0))
+    # Without a range it is 0.
+    none = classic(**fields)
+
+    # 10 rad/s for 1 ms, and for 1 s.
+    assert push(free, 1.0, 0.0)["rr/effort"] == pytest.approx(1.0)
+    for _ in range(1000):
+        free.run()
+    assert free.command_values[0] == pytest.approx(5.0)
+    assert push(none, 1.0, 0.0)["rr/effort"] == 0.0
+
+
+def test_classic_s_forces_act_for_one_tick_of_an_update() -> None:
+    driven = classic(rate=1000, update_rate=100.0, **STEER)
+    driven.run({"/cmd_vel": (Twist(angular=Vector3(z=0.3)),)})
+    at = driven.system.command_interfaces.index("sl/effort")
+    pushes = []
+    for _ in range(30):
+        driven.run()
+        pushes.append(driven.command_values[at] != 0.0)
+
+    assert [k + 1 for k, pushed in enumerate(pushes) if pushed] == [10, 20, 30]
+
+
+def test_classic_puts_the_steering_wheel_where_the_wheels_have_it() -> None:
+    driven = classic(wheel=("w",), max_steer=0.5, max_steering_angle=5.0)
+    own = driven.system.params.measured
+    values = np.zeros(own.index("sl/position") + 1)
+    for name, angle in (("sl/position", 0.2), ("sr/position", 0.1)):
+        values[own.index(name)] = angle
+    driven.measure(values)
+
+    assert push(driven, 0.0, 0.0)["w/position"] == pytest.approx(1.5)
+
+
+def test_classic_counts_the_way_and_tells_the_truth() -> None:
+    driven = classic(rate=100, update_rate=20.0, publish_distance=True)
+    port = driven.system.GetInputPort(interfaces.FRAMES_PORT)
+    for k in range(11):
+        # Three metres on in four ticks, and back again.
+        x = 3.0 - abs(k - 4) * 0.75
+        pose = RigidTransform([x, 1.0, 0.2])
+        port.FixValue(driven.context, AbstractValue.Make([pose]))
+        driven.run()
+
+    assert driven.output("/distance").data == pytest.approx(7.5)
+    message = driven.output("/odom")
+    assert isinstance(message, Odometry)
+    place = message.pose.pose.position
+    assert (place.x, place.y, place.z) == pytest.approx((-1.5, 1.0, 0.2))
+    assert message.twist.twist.linear.x == pytest.approx(-75.0)
+    assert message.header.stamp.to_nanoseconds() == 100_000_000
+    frames = (message.header.frame_id, message.child_frame_id)
+    assert frames == ("odom", "base_footprint")

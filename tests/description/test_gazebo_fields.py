@@ -8,6 +8,7 @@ from arm_drake.description.gazebo import GazeboPlugin, JointPlugin, read_joint_p
 from arm_drake.description.gazebo_plugins import (
     AckermannSteering,
     DiffDrive,
+    GazeboRosAckermannDrive,
     GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
@@ -476,8 +477,8 @@ def test_a_tag_that_a_mecanum_drive_does_not_know_is_named():
     (_,), lines = read(MECANUM, *CORNERS, ("wheel_base", "0.4"))
 
     assert lines == [
-        "info: arm.urdf: Gazebo plugin 'p': unknown tags: wheel_base; they have no "
-        "effect"
+        "info: arm.urdf: Gazebo plugin 'p': unknown tags: wheel_base (did you mean "
+        "'wheelbase'?); they have no effect"
     ]
 
 
@@ -582,3 +583,76 @@ def test_an_initial_velocity_has_three_numbers():
             "numbers, got 1; the plugin is left out"
         ],
     )
+
+
+CLASSIC_ACKERMANN = "libgazebo_ros_ackermann_drive.so"
+PARTS = (
+    *("front_right_joint", "front_left_joint", "rear_right_joint", "rear_left_joint"),
+    *("right_steering_joint", "left_steering_joint"),
+)
+NAMED = tuple((part, "jk"[k % 2]) for k, part in enumerate(PARTS))
+
+
+def test_classic_s_ackermann_drive_has_the_defaults_of_its_source():
+    (drive,), lines = read(CLASSIC_ACKERMANN, *NAMED)
+
+    # gazebo_ros_ackermann_drive.cpp; the robot has no joint steering_wheel_joint.
+    assert drive == GazeboRosAckermannDrive(
+        *((name,) for name in "jkjkjk"),
+        steering_wheel_joints=(),
+        max_speed=20.0,
+        max_steer=0.6,
+        max_steering_angle=7.85,
+        update_rate=100.0,
+        odometry_frame="odom",
+        robot_base_frame="base_footprint",
+        publish_odom=False,
+        publish_odom_tf=False,
+        publish_wheel_tf=False,
+        publish_distance=False,
+        covariance_x=1e-5,
+        covariance_y=1e-5,
+        covariance_yaw=1e-3,
+    )
+    assert lines == []
+
+
+def test_joints_of_classic_s_ackermann_drive_are_called_as_their_tags():
+    plugin = GazeboPlugin("p", CLASSIC_ACKERMANN)
+    names = [*PARTS, "steering_wheel_joint"]
+
+    (drive,) = read_joint_plugins([plugin], names, LoadReport(), Path("arm.urdf"))
+
+    assert drive.all_joints == tuple(names)
+
+
+@pytest.mark.parametrize(
+    ("fields", "problem"),
+    [
+        (NAMED[:-1], "no joint; expected <left_steering_joint>"),
+        (
+            (*NAMED, ("left_steering_pid_gain", "1 2")),
+            "left_steering_pid_gain: expected three numbers, got 2",
+        ),
+        (
+            (*NAMED, ("linear_velocity_i_range", "1")),
+            "linear_velocity_i_range: expected two numbers, got 1",
+        ),
+        (
+            (*NAMED, ("max_steering_angle", "0")),
+            "max_steering_angle: expected a number above 0, got 0",
+        ),
+    ],
+)
+def test_classic_s_ackermann_drive_that_can_t_drive_is_left_out(fields, problem):
+    line = f"error: arm.urdf: Gazebo plugin 'p': {problem}; the plugin is left out"
+    assert read(CLASSIC_ACKERMANN, *fields) == ((), [line])
+
+
+def test_a_steering_wheel_that_is_named_and_missing_is_said():
+    (_,), lines = read(CLASSIC_ACKERMANN, *NAMED, ("steering_wheel_joint", "jj"))
+
+    assert lines == [
+        "error: arm.urdf: Gazebo plugin 'p': the robot has no joint 'jj'; did you mean "
+        "'j'? known: j, k; the joint is left out",
+    ]

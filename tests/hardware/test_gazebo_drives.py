@@ -14,6 +14,7 @@ from tests.carts import (
     GZ,
     ackermann_steering,
     cart,
+    classic_ackermann,
     classic_drive,
     diff_drive,
     load,
@@ -500,3 +501,50 @@ def test_of_two_that_set_a_base_s_velocity_the_last_one_does(tmp_path: Path) -> 
     x, y, _ = sim.link_poses()["base_link"].translation()
     assert (x, y) == pytest.approx((0.0, 0.1), abs=1e-3)
     assert any("several plugins set the velocity" in str(e) for e in sim.report)
+
+
+def test_classic_s_steered_cart_turns_its_steering_wheel_along(tmp_path: Path) -> None:
+    wheel = bob("rim", "0 0 0") + joint("column", "base_link", "rim")
+    block = classic_ackermann(
+        ("steering_wheel_joint", "column"),
+        ("update_rate", 0),
+        ("max_steer", 0.5),
+        ("max_steering_angle", 1.0),
+        ("publish_wheel_tf", "true"),
+        ("publish_odom_tf", "true"),
+    )
+    sim = simulate(load(tmp_path, steered_cart(wheel + block)))
+    assert topics(sim) == {"/cmd_vel": "Twist", "/odom": "Odometry", "/tf": "TFMessage"}
+
+    sim.topic("/cmd_vel").publish(Twist(angular=Vector3(z=0.3)))
+    sim.run(2.0)
+
+    state = sim.joint_states()
+    angles = dict(zip(state.name, state.position, strict=True))
+    both = (angles["left_steering"] + angles["right_steering"]) / 2.0
+    assert both == pytest.approx(0.3, abs=0.02)
+    assert angles["column"] == pytest.approx(2.0 * both, abs=0.01)
+    frames = sim.topic("/tf").value().transforms
+    assert [frame.child_frame_id for frame in frames] == [
+        *("front_right_wheel", "front_left_wheel", "right_wheel", "left_wheel"),
+        *("right_knuckle", "left_knuckle", "rim", "base_footprint"),
+    ]
+
+
+def test_of_two_robots_each_has_the_velocity_that_is_set(tmp_path: Path) -> None:
+    robot = load(tmp_path, cart(plugin("gz-sim-velocity-control-system")))
+    robots = [
+        dataclasses.replace(robot, name=name, pose=(x, 0.0, 0.0, 0.0, 0.0, 0.0))
+        for name, x in (("one", 0.0), ("two", 3.0))
+    ]
+    options = ad.SimulationOptions(gravity=False)
+    sim = ad.Simulation(ad.build_diagram(robots, world="void", options=options))
+
+    sim.topic("/model/two/cmd_vel").publish(Twist(Vector3(y=0.2)))
+    sim.run(0.5)
+
+    one, two = (
+        sim.link_poses(robot.name)["base_link"].translation()[:2] for robot in robots
+    )
+    assert one == pytest.approx([0.0, 0.0], abs=1e-3)
+    assert two == pytest.approx([3.0, 0.1], abs=1e-3)

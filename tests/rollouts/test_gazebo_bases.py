@@ -13,6 +13,7 @@ from tests.carts import (
     RADIUS,
     ackermann_steering,
     cart,
+    classic_ackermann,
     classic_drive,
     diff_drive,
     load,
@@ -545,3 +546,63 @@ def test_a_base_that_hangs_from_the_world_is_said_not_to_move(tmp_path: Path) ->
         "a joint holds the base in the world; it doesn't move" in str(entry)
         for entry in sim.report
     )
+
+
+@pytest.mark.parametrize("angle", [0.3, -0.3])
+def test_classic_s_steered_cart_goes_round_a_circle(
+    tmp_path: Path, angle: float
+) -> None:
+    block = classic_ackermann(("update_rate", 0))
+    base = SteeredCart(tmp_path, block, CLASSIC_TOPICS)
+    base.command.publish(Twist(Vector3(x=0.4), Vector3(z=angle)))
+    base.sim.run(2.0)
+    first = base.pose()
+
+    base.sim.run(3.0)
+
+    moved = first.inverse() @ base.pose()
+    x, y = moved.translation()[:2]
+    radius = np.hypot(x, y) / 2.0 / np.sin(yaw(moved) / 2.0)
+    # The middle of the rear axle; 5 % of it.
+    assert radius == pytest.approx(0.5 / np.tan(angle), rel=0.05)
+    # The right rear wheel has the speed, whichever side it is on.
+    speed = 0.4 * radius / (radius + 0.2)
+    assert abs(yaw(moved) * radius) == pytest.approx(3.0 * speed, rel=0.05)
+    message, pose = base.odometry(), base.pose()
+    place = message.pose.pose.position
+    # What was told is a tick old.
+    where = pose.translation()
+    assert [place.x, place.y, place.z] == pytest.approx(where.tolist(), abs=1e-3)
+
+
+def test_classic_s_steered_cart_is_pushed_a_tenth_of_the_time(tmp_path: Path) -> None:
+    block = classic_ackermann(("publish_distance", "true"))
+    base = SteeredCart(tmp_path, block.replace("1 2 0", "2 0 0"), CLASSIC_TOPICS)
+
+    base.command.publish(Twist(Vector3(x=0.4)))
+    base.sim.run(0.285)
+
+    # 10 kg and four wheels of 2.5e-3 kg·m^2; both rear wheels, a tenth of 2 N·m·s.
+    mass = 10.0 + 4 * 2.5e-3 / RADIUS**2
+    elapsed = 0.285 / (mass * RADIUS**2 / (2 * 0.1 * 2.0))
+    speed = 0.4 * (1.0 - np.exp(-elapsed))
+    assert base.odometry().twist.twist.linear.x == pytest.approx(speed, rel=0.1)
+    way = base.sim.topic("/distance").value().data
+    assert way == pytest.approx(base.moved()[0], abs=0.01)
+
+
+def test_without_shapes_of_wheels_classic_s_plugin_is_left_out(tmp_path: Path) -> None:
+    text = steered_cart(classic_ackermann())
+    shape = f'<cylinder radius="{RADIUS}" length="0.04"/>'
+
+    robot = load(tmp_path, text.replace(shape, '<box size="0.1 0.1 0.1"/>'))
+
+    assert [
+        f"{entry.severity}: {entry.where}: {entry.what}; {entry.done}"
+        for entry in robot.report
+        if entry.severity == "error"
+    ] == [
+        "error: Gazebo plugin GazeboRosAckermannDrive: its wheels lack <collision>, a "
+        "cylinder or a sphere, or are all in one place: no radius, wheel separation or "
+        "wheel base; it is left out"
+    ]

@@ -27,6 +27,7 @@ _SYSTEMS: Mapping[type, str] = {
     gazebo_plugins.MecanumDrive: "mecanum_drive:MecanumDrive",
     gazebo_plugins.VelocityControl: "velocity_control:VelocityControl",
     gazebo_plugins.GazeboRosPlanarMove: "velocity_control:GazeboRosPlanarMove",
+    gazebo_plugins.GazeboRosAckermannDrive: ("ackermann_drive:GazeboRosAckermannDrive"),
     gazebo_plugins.GazeboRosDiffDrive: "diff_drive:GazeboRosDiffDrive",
     gazebo_plugins.GazeboRosJointPoseTrajectory: (
         "joint_trajectory:GazeboRosJointPoseTrajectory"

@@ -1,28 +1,57 @@
 """Gazebo's plugins for bases with two steered wheels, which aren't ros2_control's.
 
-Source: gz-sim, src/systems/ackermann_steering/AckermannSteering.cc.
+Sources: gz-sim, src/systems/ackermann_steering/AckermannSteering.cc; gazebo_ros_pkgs,
+branch ros2, gazebo_plugins/src/gazebo_ros_ackermann_drive.cpp; Gazebo Classic,
+gazebo/common/PID.cc, which is that of `GazeboPid`.
 """
 
 import math
 from typing import NamedTuple
 
 import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
 
+from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.control.odometry import PlanarPose, WheelOdometryState
-from arm_drake.controllers.bases.base import Velocity
+from arm_drake.controllers.bases.base import BaseFrames, Velocity, make_transform
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.cycles import NEVER_NS
+from arm_drake.controllers.cycles import NEVER_NS, UpdateContext
 from arm_drake.controllers.gazebo.drive import (
+    REST,
     GazeboDrive,
     GazeboDriveState,
     clamp,
+    describe_base,
+    describe_wheels,
+    planar_covariance,
 )
-from arm_drake.controllers.gazebo.plugin import GazeboPid, drive_topics
+from arm_drake.controllers.gazebo.plugin import (
+    GazeboPid,
+    GazeboPidState,
+    JointForces,
+    drive_topics,
+    find_twist_fault,
+    publish_period_ns,
+    ros_topic,
+)
+from arm_drake.controllers.topics import Inbox, TopicController
 from arm_drake.description.gazebo_plugins import (
     AckermannSteering as AckermannSteeringTag,
 )
-from arm_drake.messages import Float64, Twist
+from arm_drake.description.gazebo_plugins import (
+    GazeboRosAckermannDrive as GazeboRosAckermannDriveTag,
+)
+from arm_drake.messages import (
+    NANOSECONDS,
+    Float64,
+    Odometry,
+    TFMessage,
+    TransformStamped,
+    Twist,
+)
+from arm_drake.messages.control import Float32
 
 # Slower turns are none [rad/s], and the radius of those that are none [m].
 _NO_TURN = 0.001
@@ -208,3 +237,231 @@ class AckermannSteering(GazeboDrive):
         if not math.isfinite(message.data):
             return state, f"data must be finite, got {message.data}; it is dropped"
         return state._replace(target=(0.0, message.data)), ""
+
+
+class ClassicAckermannState(NamedTuple):
+    """State of a GazeboRosAckermannDrive between two ticks."""
+
+    # What to write, shape (k,); NaN leaves one as it is.
+    command: Array
+
+    # Of the PIDs of speed, left and right steering.
+    pids: GazeboPidState
+
+    # Forwards [m/s], and the angle of steering [rad].
+    target: tuple[float, float] = REST
+
+    # When the joints were pushed last [ns].
+    last_ns: int = 0
+
+    # Where the base was at the last tick, None before the first; and how far it has
+    # come [m].
+    truth: RigidTransform | None = None
+    distance: float = 0.0
+
+    # What was published last.
+    published: Odometry = Odometry()
+    published_distance: Float32 = Float32()
+    wheels: tuple[TransformStamped, ...] = ()
+
+    inbox: Inbox = Inbox()
+
+
+class GazeboRosAckermannDrive(TopicController[ClassicAckermannState]):
+    """Pushes wheels and steers so that a base moves as told, as Gazebo Classic does.
+
+    With J joints and k of them moved:
+
+    ==================  ====  =======  =================================================
+    port                size  unit     meaning
+    ==================  ====  =======  =================================================
+    controller_manager  --    --       Cycle: when to tick
+    state_interfaces    2J    rad, ..  positions and velocities of all joints, or more
+    link_frames         --    --       list of RigidTransform: pose of each link in the
+                                       world
+    /cmd_vel            --    --       Twist: velocity forwards, and as the velocity of
+                                       turning the angle of steering [rad]
+    command_interfaces  --    N·m,     UpdateResult; (k,): efforts of the rear wheels
+                              rad      and of the steering; the steering wheel's angle
+    /odom               --    --       Odometry: the truth, if ``publish_odom``
+    /distance           --    --       Float32: the way so far [m], if
+                                       ``publish_distance``
+    /tf                 --    --       TFMessage with the odometry, if
+                                       ``publish_odom_tf``, and with the wheels, if
+                                       ``publish_wheel_tf``
+    events              --    --       tuple of the latest (number, TopicRejected), the
+                                       newest last
+    ==================  ====  =======  =================================================
+
+    Topics have the names that namespace and remappings make. The state is a
+    ClassicAckermannState, renewed in every tick. An update comes 1 / ``update_rate``
+    after the last one at the earliest; a rate of 0 is every tick. It publishes, then
+    pushes: with the speed v and the angle a, each within its limits and a turned round
+    with v < 0, the PID of the speed works on the error of the right rear wheel's
+    velocity against v / wheel_radius, for both rear wheels, and those of the steering
+    on errors against::
+
+        left, right = atan2(tan(a), 1 -+ wheel_separation tan(a) / (2 wheel_base))
+
+    As in Gazebo, the forces act for one tick, not until the next update: with gains for
+    an ``update_rate`` of 100 Hz they act a tenth of the time. The last command holds
+    for ever. A steering wheel is put where the mean of both angles has it.
+
+    The odometry is the truth, in the world's coordinates; its velocities are means over
+    a tick, Gazebo's are of that instant. Without link_frames its messages are empty. A
+    message with a number that isn't finite is dropped, which Gazebo takes.
+    """
+
+    def __init__(
+        self, tag: GazeboRosAckermannDriveTag, params: ControllerInterfaceParams
+    ) -> None:
+        """Create the system."""
+        self._tag, self._update_ns = tag, publish_period_ns(tag.update_rate)
+        self._pids = _make_pids(tag)
+        # What turns both rear wheels is the first force.
+        places = {
+            **dict.fromkeys(tag.driven_joints, 0),
+            **dict.fromkeys(tag.left_steering_joints, 1),
+            **dict.fromkeys(tag.right_steering_joints, 2),
+        }
+        self._forces = JointForces.from_joints(
+            places, params.followed, params.effort_limits
+        )
+        efforts = [f"{joint}/effort" for joint in self._forces.joints]
+        put = [f"{joint}/position" for joint in tag.steering_wheel_joints]
+        self._rest = np.array([0.0] * len(efforts) + [math.nan] * len(put))
+        super().__init__(
+            params,
+            ClassicAckermannState(self._rest, self._pids.initial()),
+            state_interfaces=(
+                f"{tag.rear_right_joints[0]}/velocity",
+                f"{tag.left_steering_joints[0]}/position",
+                f"{tag.right_steering_joints[0]}/position",
+            ),
+            command_interfaces=(*efforts, *put),
+        )
+        poses = AbstractValue.Make([RigidTransform()])
+        self._links = self.DeclareAbstractInputPort(interfaces.FRAMES_PORT, poses)
+        self._seen = [
+            params.links.index(link)
+            for link in (tag.base_link, *(child for _, child in tag.wheel_links))
+        ]
+        topic, odom, distance, tf = (
+            ros_topic(name, tag.namespace, tag.remappings)
+            for name in ("cmd_vel", "odom", "distance", "/tf")
+        )
+        self._subscribe(topic, Twist, self._take_twist)
+        if tag.publish_odom:
+            self._declare_topic(odom, lambda state: state.published)
+        if tag.publish_distance:
+            self._declare_topic(distance, lambda state: state.published_distance)
+        if tag.publish_odom_tf or tag.publish_wheel_tf:
+            self._declare_topic(tf, self._describe_frames)
+        self._declare_events()
+        self._frames = BaseFrames(tag.odometry_frame, tag.robot_base_frame)
+        self._covariance = planar_covariance(
+            tag.covariance_x, tag.covariance_y, tag.covariance_yaw
+        )
+
+    def _update(
+        self, now: UpdateContext, state: ClassicAckermannState
+    ) -> ClassicAckermannState:
+        state = self._receive(now, state)
+        elapsed_ns = now.time_ns - state.last_ns
+        # Times of ticks are cut to whole nanoseconds.
+        is_due = elapsed_ns >= self._update_ns - 1
+        state = self._look(now, state, is_due)
+        if not is_due:
+            return state._replace(command=self._rest)
+        rate, left, right = self._measured_now(now).tolist()
+        wanted = self._find_targets(*state.target)
+        error = np.array([rate, left, right]) - wanted
+        pids, forces = self._pids.step(state.pids, error, elapsed_ns / NANOSECONDS)
+        ratio = self._tag.max_steer / self._tag.max_steering_angle
+        put = [0.5 * (left + right) / ratio] * len(self._tag.steering_wheel_joints)
+        command = np.array([*self._forces.to_efforts(forces).tolist(), *put])
+        return state._replace(command=command, pids=pids, last_ns=now.time_ns)
+
+    def _find_targets(self, v: float, angle: float) -> tuple[float, float, float]:
+        """Return rates of the rear wheels, and angles of the left and right one."""
+        tag = self._tag
+        speed = clamp(v, -tag.max_speed, tag.max_speed)
+        angle *= math.copysign(1.0, v)
+        slope = math.tan(clamp(angle, -tag.max_steer, tag.max_steer))
+        lean = tag.wheel_separation / 2.0 / tag.wheel_base * slope
+        left, right = (math.atan2(slope, 1.0 + d) for d in (-lean, lean))
+        return speed / tag.wheel_radius, left, right
+
+    def _look(
+        self, now: UpdateContext, state: ClassicAckermannState, is_due: bool
+    ) -> ClassicAckermannState:
+        """Return the state with where the base is, and what is published if it is due.
+
+        Gazebo counts the way in every step.
+        """
+        if not self._links.HasValue(now.context):
+            return state
+        poses = self._links.Eval(now.context)
+        base, *wheels = [poses[index] for index in self._seen]
+        last = state.truth or base
+        x, y, _ = (base.translation() - last.translation()).tolist()
+        distance = state.distance + math.hypot(x, y)
+        state = state._replace(truth=base, distance=distance)
+        if not is_due:
+            return state
+        time_ns, links = now.time_ns, self._tag.wheel_links
+        dt = now.period_ns / NANOSECONDS
+        shown: tuple[TransformStamped, ...] = ()
+        if self._tag.publish_wheel_tf:
+            shown = describe_wheels(time_ns, base, links, wheels)
+        covariance, poses = self._covariance, (last, base)
+        return state._replace(
+            published=describe_base(time_ns, self._frames, poses, dt, covariance),
+            published_distance=Float32(distance),
+            wheels=shown,
+        )
+
+    def _describe_frames(self, state: ClassicAckermannState) -> TFMessage:
+        """Return the topic /tf."""
+        frames = state.wheels
+        if self._tag.publish_odom_tf:
+            frames += make_transform(state.published).transforms
+        return TFMessage(frames)
+
+    def _take_twist(
+        self,
+        state: ClassicAckermannState,
+        message: Twist,
+        time_ns: int,
+        obstacle: str,
+    ) -> tuple[ClassicAckermannState, str]:
+        fault = obstacle or find_twist_fault(message)
+        if fault:
+            return state, fault
+        return state._replace(target=(message.linear.x, message.angular.z)), ""
+
+    def _activate(
+        self, now: UpdateContext, state: ClassicAckermannState
+    ) -> ClassicAckermannState:
+        # Where the base was when it stopped tells no velocity.
+        return state._replace(truth=None)
+
+    def _deactivate(
+        self, now: UpdateContext, state: ClassicAckermannState
+    ) -> ClassicAckermannState:
+        return state._replace(
+            command=self._rest, target=REST, pids=self._pids.initial()
+        )
+
+
+def _make_pids(tag: GazeboRosAckermannDriveTag) -> GazeboPid:
+    """Return the PIDs of speed, left and right steering; commands have no limits."""
+    parts = ("linear_velocity", "left_steering", "right_steering")
+    gains = [getattr(tag, f"{part}_pid_gain") or (0.0,) * 3 for part in parts]
+    ranges = [getattr(tag, f"{part}_i_range") or (0.0, 0.0) for part in parts]
+    p, i, d = zip(*gains, strict=True)
+    i_min, i_max = zip(*ranges, strict=True)
+    none = (math.inf,) * len(parts)
+    return GazeboPid.from_gains(
+        p, i, d, i_max, i_min, none, [-limit for limit in none], (0.0,) * len(parts)
+    )

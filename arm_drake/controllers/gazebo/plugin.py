@@ -30,6 +30,7 @@ from arm_drake.description.gazebo_plugins import (
     AckermannSteering,
     ApplyJointForce,
     ContactSensorTag,
+    GazeboRosAckermannDrive,
     GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
@@ -247,6 +248,7 @@ GazeboTag = (
     | GazeboRosJointStatePublisher
     | GazeboRosDiffDrive
     | GazeboRosPlanarMove
+    | GazeboRosAckermannDrive
 )
 
 _Classic = (
@@ -254,6 +256,7 @@ _Classic = (
     | GazeboRosJointStatePublisher
     | GazeboRosDiffDrive
     | GazeboRosPlanarMove
+    | GazeboRosAckermannDrive
 )
 _OneJoint = JointPositionController | JointController
 

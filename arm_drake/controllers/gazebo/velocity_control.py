@@ -5,7 +5,7 @@ branch ros2, gazebo_plugins/src/gazebo_ros_planar_move.cpp.
 """
 
 import math
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -80,6 +80,9 @@ class VelocityControl(TopicController[VelocityControlState]):
     initial velocity; the last command holds for ever. See `BaseServo` for what holds
     it. A message with a number that isn't finite is dropped, which Gazebo takes.
     """
+
+    # Whether velocities have a component to the left.
+    moves_sideways: ClassVar[bool] = True
 
     def __init__(
         self, tag: VelocityControlTag, params: ControllerInterfaceParams
@@ -176,6 +179,9 @@ class GazeboRosPlanarMove(TopicController[PlanarMoveState]):
     means over a tick. Without link_frames its messages are empty. A rate of 0 is every
     tick. A message with a number that isn't finite is dropped, which Gazebo takes.
     """
+
+    # Whether velocities have a component to the left.
+    moves_sideways: ClassVar[bool] = True
 
     def __init__(
         self, tag: GazeboRosPlanarMoveTag, params: ControllerInterfaceParams

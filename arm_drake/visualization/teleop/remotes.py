@@ -18,9 +18,9 @@ from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.controllers.gazebo.joint_trajectory import GazeboRosJointPoseTrajectory
 from arm_drake.controllers.gazebo.plugin import position_topic, velocity_topic
 from arm_drake.description.gazebo_plugins import (
-    DiffDrive,
     JointController,
     JointPositionController,
+    WheelDrive,
 )
 from arm_drake.errors import InputError, suggest
 from arm_drake.interfaces import POSITION, VELOCITY
@@ -68,8 +68,8 @@ class BaseRemote(Remote):
         self._velocity = dict(_REST)
         system = self._system
         self._port = find_velocity_port(system) or ""
-        # Of all bases, those with rollers alone are told how fast to go sideways.
-        self.has_sideways = any("/linear/y/" in n for n in system.reference_interfaces)
+        # Of all bases, some alone are told how fast to go sideways.
+        self.has_sideways: bool = getattr(system, "moves_sideways", False)
         self._layout = (
             *(
                 Slider(self._id(name), name, *self._range(name), 0.0, unit)
@@ -146,9 +146,9 @@ class BaseRemote(Remote):
     def _limit(self, place: str, end: str) -> float | None:
         """Return a limit of the velocity along or about an axis, None for none."""
         for tag in find_plugins(self._manager, self._name):
-            if isinstance(tag, DiffDrive):
+            if isinstance(tag, WheelDrive):
                 kind = place.partition(".")[0]
-                own = getattr(tag, f"{end}_{kind}_velocity")
+                own = getattr(tag, f"{end}_{kind}_velocity", math.nan)
                 common = getattr(tag, f"{end}_velocity")
                 return _finite(common if math.isnan(own) else own)
         for controller in self._manager.robot.controllers.controllers:
@@ -653,7 +653,9 @@ def find_remotes(simulation: Simulation) -> list[Remote]:
 
 def _make_remote(simulation: Simulation, name: str) -> Remote | None:
     manager, loaded, system = simulation.directory.find(name)
-    if not system.command_interfaces:
+    if not system.command_interfaces and not system.HasOutputPort(
+        interfaces.TWIST_PORT
+    ):
         return None
     types = getattr(system, "message_types", {})
     if system.HasInputPort("gripper_cmd"):

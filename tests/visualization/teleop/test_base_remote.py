@@ -14,7 +14,7 @@ from arm_drake.visualization.teleop.remotes import BaseRemote, find_remotes
 from tests import carts
 from tests.robots import load_real_robot
 from tests.rollouts.test_sideways_bases import BASES as SIDEWAYS
-from tests.rollouts.test_sideways_bases import Base
+from tests.rollouts.test_sideways_bases import Base, gazebo_mecanum
 from tests.visualization.teleop import panel
 
 # Controllers of bases of the index, and the link to look at.
@@ -229,3 +229,44 @@ def test_velocities_that_make_no_sense_are_refused() -> None:
         remote.drive(0.1, 0.1)
     with pytest.raises(InputError, match="turn: expected a finite number, got inf"):
         remote.drive(0.1, turn=math.inf)
+
+
+@pytest.mark.parametrize(
+    ("block", "name"),
+    [
+        (carts.plugin("gz-sim-velocity-control-system"), "VelocityControl"),
+        (carts.plugin("libgazebo_ros_planar_move.so"), "GazeboRosPlanarMove"),
+    ],
+)
+def test_a_base_whose_velocity_is_set_has_a_slider_to_go_sideways(
+    tmp_path: Path, block: str, name: str
+) -> None:
+    sim = panel.simulate(carts.load(tmp_path, carts.cart(block)))
+
+    assert "sideways" in panel.leaves(panel.find(sim, name, BaseRemote))
+
+
+def test_gazebo_s_mecanum_drive_is_limited_and_goes_sideways(tmp_path: Path) -> None:
+    limit = "<max_linear_velocity>0.3</max_linear_velocity></plugin>"
+    text = gazebo_mecanum().replace("</plugin>", limit)
+    sim = panel.simulate(carts.load(tmp_path, text))
+
+    slider = panel.leaves(panel.find(sim, "MecanumDrive", BaseRemote))["sideways"]
+
+    assert isinstance(slider, Slider)
+    assert (slider.lower, slider.upper) == (-0.3, 0.3)
+
+
+def test_a_base_with_steered_wheels_has_the_limits_of_its_plugin(
+    tmp_path: Path,
+) -> None:
+    block = carts.ackermann_steering(("max_velocity", 0.3))
+    sim = panel.simulate(carts.load(tmp_path, carts.steered_cart(block)))
+
+    shown = panel.leaves(panel.find(sim, "AckermannSteering", BaseRemote))
+
+    assert set(shown) == {"forward", "turn", "stop"}
+    for name in ("forward", "turn"):
+        slider = shown[name]
+        assert isinstance(slider, Slider)
+        assert (slider.lower, slider.upper) == (-0.3, 0.3)
