@@ -35,6 +35,7 @@ _TYPES = {
     "std_msgs/msg/Float32": "Float",
     "trajectory_msgs/msg/JointTrajectory": "JointTrajectory",
     "sensor_msgs/msg/JointState": "Model",
+    "sensor_msgs/msg/Imu": "IMU",
     "std_msgs/msg/Bool": "Boolean",
     "geometry_msgs/msg/Twist": "Twist",
     "geometry_msgs/msg/TwistStamped": "Twist",

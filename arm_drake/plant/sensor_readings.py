@@ -290,8 +290,8 @@ class SensorReadings(PythonSystem):
             A_WL = accelerations.Eval(context)[mount.body]
             a: Array = (
                 A_WL.translational()
-                + np.cross(A_WL.rotational(), arm)
-                + np.cross(w, np.cross(w, arm))
+                + _cross(A_WL.rotational(), arm)
+                + _cross(w, _cross(w, arm))
             )
             R_WS = (X_WL @ mount.X_LS).rotation().matrix()
             return R_WS.T @ (a - self._gravity)

@@ -93,6 +93,7 @@ def test_an_entry_connects_a_name_in_ros_with_one_in_gazebo(load, entry, expecte
         ("std_msgs/msg/Float32", "gz.msgs.Float"),
         ("trajectory_msgs/msg/JointTrajectory", "gz.msgs.JointTrajectory"),
         ("sensor_msgs/msg/JointState", "gz.msgs.Model"),
+        ("sensor_msgs/msg/Imu", "gz.msgs.IMU"),
         ("std_msgs/msg/Bool", "gz.msgs.Boolean"),
         ("geometry_msgs/msg/Twist", "ignition.msgs.Twist"),
         ("geometry_msgs/msg/TwistStamped", "gz.msgs.Twist"),

@@ -10,7 +10,7 @@ import pytest
 from trimesh import creation
 
 import arm_drake as ad
-from arm_drake.description.perception_sensors import Noise
+from arm_drake.description.gazebo_plugins import Noise
 from arm_drake.errors import ArmDrakeError, InputError
 from arm_drake.messages import LaserScan, Twist, Vector3
 from arm_drake.perception import lidar as lidars
