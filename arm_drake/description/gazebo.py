@@ -211,11 +211,11 @@ def report_gazebo(
         and not (plugin.is_realsense and sees)
     )
     tags = collections.Counter(
-        f"<{child.tag.rpartition('}')[2]}>" + _sensor_type(child)
+        f"<{child.tag.rpartition('}')[2]}>"
         for gazebo in root.iterfind("gazebo")
         for child in gazebo
-        if child.tag not in ("plugin", "mu1")  # Friction has an effect.
-        and not (child.tag == "sensor" and attribute(child, "name") in sensors)
+        # Friction has an effect, and sensors have lines of their own.
+        if child.tag not in ("plugin", "mu1", "sensor")
     )
     for sort, counts in (("Gazebo plugins", plugins), ("<gazebo> tags", tags)):
         names = ", ".join(
@@ -239,11 +239,6 @@ def _report_friction(root: ET.Element, report: LoadReport, file: Path) -> None:
                 what = f"<mu1> of {reference!r}, which is no link; "
                 what += suggest(reference, links)
             report.add("warning", "ignored", what, "it has no effect", file=file)
-
-
-def _sensor_type(element: ET.Element) -> str:
-    is_sensor = element.tag == "sensor"
-    return f" of type {attribute(element, 'type')!r}" if is_sensor else ""
 
 
 def _plugins(parent: ET.Element, holder: str) -> Iterator[tuple[str, ET.Element]]:

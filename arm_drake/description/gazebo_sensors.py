@@ -30,6 +30,20 @@ Pose = tuple[float, float, float, float, float, float]
 
 CONTACT: Final = "contact"
 IMU: Final = "imu"
+_FORCE: Final = "force_torque"
+
+# Types of SDF that are simulated, older names too; and those that aren't.
+_SIMULATED: Final = (
+    *(CONTACT, IMU, _FORCE, "camera", "multicamera", "depth", "depth_camera", "rgbd"),
+    *("rgbd_camera", "segmentation", "segmentation_camera", "ray", "gpu_ray", "lidar"),
+    "gpu_lidar",
+)
+_UNSIMULATED: Final = (
+    *("air_pressure", "air_speed", "altimeter", "boundingbox", "boundingbox_camera"),
+    *("custom", "dvl", "gps", "logical_camera", "magnetometer", "navsat", "rfid"),
+    *("rfidtag", "sonar", "thermal", "thermal_camera", "wideanglecamera"),
+    *("wide_angle_camera", "wireless_receiver", "wireless_transmitter"),
+)
 
 
 @dc.dataclass(frozen=True)
@@ -98,6 +112,35 @@ def read_gazebo_sensors(
         for gazebo in root.iterfind("gazebo")
         for element in gazebo.iterfind("sensor")
     )
+
+
+def report_unsimulated(
+    sensors: Iterable[GazeboSensor],
+    components: Collection[str],
+    report: LoadReport,
+    file: Path,
+) -> None:
+    """Report sensors of which nothing is simulated.
+
+    Those of `<ros2_control>`, which `components` names, may have a tag for their place.
+    """
+    for sensor in sensors:
+        kind, done = sensor.type, "nothing is published"
+        is_component = sensor.name in components
+        if kind in _SIMULATED and (is_component or kind != _FORCE):
+            continue
+        if is_component and kind in ("", *_UNSIMULATED):
+            continue
+        if kind == _FORCE:
+            what = f"of type {kind!r}, without a <sensor> of its name in <ros2_control>"
+        elif kind in _UNSIMULATED:
+            what = f"sensors of type {kind!r} are not simulated"
+        elif kind:
+            what = f"unknown type {kind!r}; {suggest(kind, _SIMULATED)}"
+        else:
+            what = f"it has no type; known: {', '.join(sorted(_SIMULATED))}"
+        where = f"sensor {sensor.name!r}"
+        report.add("warning", "unsupported", what, done, where=where, file=file)
 
 
 # Frames of messages, by the tags of the generations of Gazebo.

@@ -28,6 +28,7 @@ from arm_drake.description.gazebo_sensors import (
     IMU,
     GazeboSensor,
     read_gazebo_sensors,
+    report_unsimulated,
 )
 from arm_drake.description.inertia import repair_inertials
 from arm_drake.description.joints import (
@@ -457,6 +458,7 @@ def _read_sensors(
         # Of those that are left out there is a line already.
         measuring.update(s.name for s in sensors if s.type in perception.TYPES)
         systems.update({"sensors"} if seeing else ())
+    report_unsimulated(sensors, components, report, file)
     report_gazebo(
         root, report, file, sensors=measuring, systems=systems, sees=bool(seeing)
     )
