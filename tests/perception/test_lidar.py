@@ -240,6 +240,24 @@ def load_two(topic: str = "scan") -> ad.Robot:
 
 
 @pytest.mark.slow
+def test_a_bridge_gives_a_scan_its_name_in_ros(tmp_path: Path) -> None:
+    bridge = tmp_path / "bridge.yaml"
+    bridge.write_text(
+        "- {ros_topic_name: front/scan, gz_topic_name: /gz/scan,\n"
+        "   ros_type_name: sensor_msgs/msg/LaserScan,\n"
+        "   gz_type_name: gz.msgs.LaserScan, direction: GZ_TO_ROS}\n"
+    )
+    source = load(more="<topic>gz/scan</topic>").description.source
+    robot = ad.load_robot(source, controllers=bridge)
+    simulation = ad.Simulation(ad.build_diagram(robot))
+
+    told = simulation.topic("/front/scan").value()
+
+    assert isinstance(told, LaserScan)
+    assert told == simulation.topic("/gz/scan").value()
+
+
+@pytest.mark.slow
 def test_all_that_share_a_topic_publish_on_it() -> None:
     options = ad.SimulationOptions(log_images=("front", "rear"))
     robot = load_two()
