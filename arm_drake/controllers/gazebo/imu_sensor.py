@@ -111,7 +111,8 @@ class ImuSensor(ControllerInterface):
             imu_topic(tag, params.robot_name, params.world_name),
             lambda: AbstractValue.Make(Imu()),
             self._calc_imu,
-            prerequisites_of_calc={self.xd_ticket()},
+            # The manager says whether it is active.
+            prerequisites_of_calc={self.xd_ticket(), self._manager.ticket()},
         )
 
     def _update_sample(self, context: Context, state: DiscreteValues) -> None:
@@ -122,13 +123,14 @@ class ImuSensor(ControllerInterface):
             state.set_value(self._reference, reference)
         elif is_first:
             return
+        last_ns = float(context.get_discrete_state(self._time).value()[0])
+        # The manager is asked when it matters: it makes its cycle for who asks.
+        if not self._is_due(context.get_time() * NANOSECONDS, last_ns):
+            return
         if not self._is_active(context):
             state.set_value(self._time, [math.nan])
             return
         time_ns = self._time_ns(context)
-        last_ns = float(context.get_discrete_state(self._time).value()[0])
-        if not self._is_due(time_ns, last_ns):
-            return
         sample = np.array(self._readings.Eval(context))
         sample[:4] = _relative(reference, sample[:4])
         if self._noise is not None:
@@ -140,7 +142,7 @@ class ImuSensor(ControllerInterface):
         state.set_value(self._time, [time_ns])
         state.set_value(self._sample, sample)
 
-    def _is_due(self, time_ns: int, last_ns: float) -> bool:
+    def _is_due(self, time_ns: float, last_ns: float) -> bool:
         """Return whether a tick measures, by the time of the last one that did."""
         if math.isnan(last_ns) or not self._rate:
             return True
@@ -158,7 +160,7 @@ class ImuSensor(ControllerInterface):
     def _calc_imu(self, context: Context, output: AbstractValue) -> None:
         time_ns = float(context.get_discrete_state(self._time).value()[0])
         message = Imu()
-        if not math.isnan(time_ns):
+        if not math.isnan(time_ns) and self._is_active(context):
             values = context.get_discrete_state(self._sample).value().tolist()
             q, w, a = values[:4], values[4:7], values[7:]
             is_told = self._has_orientation
