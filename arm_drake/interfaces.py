@@ -27,6 +27,9 @@ RATES: Final = tuple(f"angular_velocity.{axis}" for axis in "xyz")
 ACCELERATIONS: Final = tuple(f"linear_acceleration.{axis}" for axis in "xyz")
 RANGE: Final = "range"
 
+# Those of an IMU.
+IMU: Final = (*ORIENTATIONS, *RATES, *ACCELERATIONS)
+
 # What the physics knows, a row for each kind: the state interfaces, and the types of
 # Gazebo's sensors that measure the same.
 SENSORS: Final[Mapping[tuple[str, ...], tuple[str, ...]]] = {
@@ -69,6 +72,9 @@ CONTACTS_PORT: Final = "contacts"
 # How a system moves a free base without wheels.
 TWIST_PORT: Final = "held_twist"
 
+# What a sensor measures that no state interface has, which only the physics knows.
+READINGS_PORT: Final = "readings"
+
 # Names of the command interfaces that are claimed.
 CLAIMED_PORT: Final = "claimed"
 
@@ -82,7 +88,7 @@ _INTERNAL_PORTS: Final = frozenset(
     (
         *(STATE_PORT, COMMAND_PORT, VALUES_PORT, MANAGER_PORT, PARAMETERS_PORT),
         *(TICK_PORT, TICKS_PORT, INBOX_PORT, FRAMES_PORT, CONTACTS_PORT),
-        TWIST_PORT,
+        *(TWIST_PORT, READINGS_PORT),
     )
 )
 

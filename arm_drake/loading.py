@@ -28,7 +28,7 @@ from arm_drake.description.parameters import DISTROS
 from arm_drake.description.plugin_control import add_plugins, plugin_joints
 from arm_drake.description.report import LoadReport, Places
 from arm_drake.description.robot import Pose, Robot
-from arm_drake.description.sensors import add_contact_sensors, find_sensors
+from arm_drake.description.sensors import add_gazebo_sensors, find_sensors
 from arm_drake.description.source_files import find_source_files
 from arm_drake.description.urdf import (
     Frames,
@@ -322,7 +322,7 @@ def _complete(
         )
         description = dc.replace(description, hardware=hardware)
     description, config = add_plugins(description, config, report)
-    config = add_contact_sensors(description, config, report)
+    config = add_gazebo_sensors(description, config, report)
     if _has_free_base(description, config):
         links = repair_free_base(
             description.link_infos,

@@ -122,7 +122,7 @@ from arm_drake.controllers.sensor_broadcasters import (
 )
 from arm_drake.description import gazebo_plugins as drives
 from arm_drake.description import gazebo_plugins as tags
-from arm_drake.description.gazebo_plugins import ContactSensorTag
+from arm_drake.description.gazebo_plugins import ContactSensorTag, ImuSensorTag
 from arm_drake.description.perception_sensors import CameraSensor, LidarSensor
 from arm_drake.description.sensors import SensorInfo
 from arm_drake.hardware.mobile_bases import BaseServo, BaseTruth, Wheel
@@ -363,6 +363,9 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
     gazebo.find_system(ContactSensorTag): lambda: gazebo.make_plugin(
         [ContactSensorTag("s", "base", ("base::hull",), "<topic>", frame="base")],
         dc.replace(controller_params(), links=("base",)),
+    ),
+    gazebo.find_system(ImuSensorTag): lambda: gazebo.make_plugin(
+        [ImuSensorTag("s", "base", topic="<topic>")], controller_params()
     ),
     gazebo.find_system(tags.GazeboRosJointPoseTrajectory): lambda: gazebo.make_plugin(
         [tags.GazeboRosJointPoseTrajectory()], controller_params()

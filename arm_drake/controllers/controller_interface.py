@@ -77,6 +77,9 @@ class RobotInfo:
     robot_name: str = ""
     world_name: str = "empty"
 
+    # Of the noise of sensors.
+    seed: int = 0
+
     # Returns the kinematics of joints, seen from a link; None if it isn't known.
     make_kinematics: Callable[[Sequence[str], str], ChainKinematics] | None = None
 

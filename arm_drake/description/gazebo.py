@@ -1,12 +1,9 @@
-"""`<gazebo>` tags of a URDF: plugins, sensors, friction, and what has no effect here.
+"""`<gazebo>` tags of a URDF: plugins, friction, and what has no effect here.
 
 Three generations of Gazebo have plugins of their own: Gazebo Classic, Ignition Gazebo
 and Gazebo Sim ("gz"). What a plugin is for is told by the name of its library and, from
 Ignition on, of its class. The fields of those that concern joints are in
-`gazebo_plugins`.
-
-Sources of the sensors' fields: SDFormat, sdf/1.11/sensor.sdf, contact.sdf,
-forcetorque.sdf; gazebo_ros_pkgs, branch ros2, gazebo_plugins/src/gazebo_ros_bumper.cpp.
+`gazebo_plugins`, and the sensors in `gazebo_sensors`.
 """
 
 import collections
@@ -15,9 +12,9 @@ import difflib
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from arm_drake.description.elements import (
     ElementReader,
@@ -40,19 +37,18 @@ from arm_drake.description.gazebo_plugins import (
     VelocityControl,
     WheelDrive,
 )
-from arm_drake.description.joints import JointInfo
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import suggest
-
-# x, y, z [m], roll, pitch, yaw [rad].
-Pose = tuple[float, float, float, float, float, float]
 
 # Libraries, without "lib" and ".so".
 _ROS2_CONTROL = re.compile(r"gazebo_ros2_control|(ign|gz)_ros2_control-system")
 _SYSTEM = re.compile(r"(gz-sim|ignition-gazebo)\d*-(?P<kind>[a-z-]+)-system")
 _CLASS = re.compile(r"(gz::sim|ignition::gazebo)(::v\d+)?::systems::(?P<kind>\w+)")
 
-_SENSORS = re.compile(r"(gz-sim|ignition-gazebo)\d*-sensors-system")
+# Systems of a world that let its sensors work: cameras and lidars, or one type.
+_SENSORS = re.compile(
+    r"(gz-sim|ignition-gazebo)\d*-(?P<kind>sensors|imu|contact)-system"
+)
 
 # Libraries that move a robot, and for which nothing stands in.
 _MOVING = re.compile(
@@ -61,6 +57,9 @@ _MOVING = re.compile(
     r"|multicopter-[a-z-]+|apply-link-wrench)-system"
     r"|gazebo_ros_(tricycle_drive|force|hand_of_god)"
 )
+
+# What publishes what IMUs measure, and whether as Gazebo's own plugin does.
+_IMU_PLUGINS = {"gazebo_ros_imu_sensor": True, "gazebo_ros_create_imu": False}
 
 # What publishes what cameras and lidars see.
 _PERCEPTION = (
@@ -104,6 +103,16 @@ class GazeboPlugin:
         return self._library == "gazebo_ros_bumper"
 
     @property
+    def is_imu(self) -> bool:
+        """Whether it publishes what an IMU of Gazebo Classic measures."""
+        return self._library in _IMU_PLUGINS
+
+    @property
+    def is_plain_imu(self) -> bool:
+        """Whether it does so as Gazebo's own plugin, not as one made after that."""
+        return _IMU_PLUGINS.get(self._library, False)
+
+    @property
     def is_perception(self) -> bool:
         """Whether it publishes what a camera or lidar of Gazebo Classic sees."""
         return self._library in _PERCEPTION
@@ -119,9 +128,13 @@ class GazeboPlugin:
         return _MOVING.fullmatch(self._library) is not None
 
     @property
-    def is_sensor_system(self) -> bool:
-        """Whether it lets the sensors of a world work, which they do without it."""
-        return _SENSORS.fullmatch(self._library or "") is not None
+    def sensor_system(self) -> str:
+        """The sensors of a world that it lets work, which they do without it.
+
+        That is "sensors", which are cameras and lidars, or a type; "" is none.
+        """
+        match = _SENSORS.fullmatch(self._library)
+        return match["kind"] if match else ""
 
     @property
     def _library(self) -> str:
@@ -171,13 +184,15 @@ def report_gazebo(
     file: Path,
     *,
     sensors: Collection[str] = (),
+    systems: Collection[str] = (),
     sees: bool = False,
 ) -> None:
     """Report the content of `<gazebo>` tags that has no effect, in two lines.
 
     Plugins that would move the robot have a line of their own, a warning. Friction of
     what is no link, which would have one, has a line of its own.
-    `sensors` are those that measure; `sees` says whether some are cameras or lidars.
+    `sensors` are those that measure, `systems` those of a world that they need in
+    Gazebo; `sees` says whether some are cameras or lidars.
     """
     holders = {f"sensor {name!r}" for name in sensors}
     found = read_gazebo_plugins(root)
@@ -194,16 +209,18 @@ def report_gazebo(
         if plugin.kind == "other"
         and not plugin.is_moving
         and not (
-            plugin.holder in holders and (plugin.is_bumper or plugin.is_perception)
+            plugin.holder in holders
+            and (plugin.is_bumper or plugin.is_imu or plugin.is_perception)
         )
-        and not ((plugin.is_sensor_system or plugin.is_realsense) and sees)
+        and plugin.sensor_system not in systems
+        and not (plugin.is_realsense and sees)
     )
     tags = collections.Counter(
-        f"<{child.tag.rpartition('}')[2]}>" + _sensor_type(child)
+        f"<{child.tag.rpartition('}')[2]}>"
         for gazebo in root.iterfind("gazebo")
         for child in gazebo
-        if child.tag not in ("plugin", "mu1")  # Friction has an effect.
-        and not (child.tag == "sensor" and attribute(child, "name") in sensors)
+        # Friction has an effect, and sensors have lines of their own.
+        if child.tag not in ("plugin", "mu1", "sensor")
     )
     for sort, counts in (("Gazebo plugins", plugins), ("<gazebo> tags", tags)):
         names = ", ".join(
@@ -213,6 +230,11 @@ def report_gazebo(
         if names:
             what = f"{sort} {names}"
             report.add("info", "ignored", what, "they have no effect", file=file)
+    _report_friction(root, report, file)
+
+
+def _report_friction(root: ET.Element, report: LoadReport, file: Path) -> None:
+    """Report the friction of what is no link."""
     links = [attribute(link, "name") for link in root.iterfind("link")]
     for gazebo in root.iterfind("gazebo"):
         reference = attribute(gazebo, "reference")
@@ -222,11 +244,6 @@ def report_gazebo(
                 what = f"<mu1> of {reference!r}, which is no link; "
                 what += suggest(reference, links)
             report.add("warning", "ignored", what, "it has no effect", file=file)
-
-
-def _sensor_type(element: ET.Element) -> str:
-    is_sensor = element.tag == "sensor"
-    return f" of type {attribute(element, 'type')!r}" if is_sensor else ""
 
 
 def _plugins(parent: ET.Element, holder: str) -> Iterator[tuple[str, ET.Element]]:
@@ -452,78 +469,6 @@ def _measure_problem(lengths: Mapping[str, Sequence[float]]) -> str | None:
     return None
 
 
-CONTACT: Final = "contact"
-
-
-@dc.dataclass(frozen=True)
-class GazeboSensor:
-    """A `<sensor>` tag below `<gazebo>`."""
-
-    name: str
-
-    # Such as "imu", "contact", "force_torque".
-    type: str
-
-    # Link or joint that the `<gazebo>` tag refers to.
-    reference: str
-
-    # Pose in that link: x, y, z [m], roll, pitch, yaw [rad].
-    pose: Pose = (0.0,) * 6
-
-    # Topic that it names; empty is Gazebo's default.
-    topic: str = ""
-
-    # Collision shapes that a contact sensor feels with.
-    collisions: tuple[str, ...] = ()
-
-    # Whether a force is what the parent does to the child, not the other way round.
-    is_on_child: bool = False
-
-    # Whether forces are along the axes of the sensor, not of the child link.
-    is_in_sensor: bool = False
-
-    plugins: tuple[GazeboPlugin, ...] = ()
-
-    @property
-    def bumper(self) -> GazeboPlugin | None:
-        """The plugin of Gazebo Classic that publishes contacts, if it has one."""
-        return next((p for p in self.plugins if p.is_bumper), None)
-
-
-def read_gazebo_sensors(
-    root: ET.Element, report: LoadReport, file: Path
-) -> tuple[GazeboSensor, ...]:
-    """Return the sensors in the `<gazebo>` tags of a URDF."""
-    return tuple(
-        GazeboSensor(
-            name=attribute(element, "name"),
-            type=attribute(element, "type"),
-            reference=attribute(gazebo, "reference"),
-            pose=read_sensor_pose(element, report, file),
-            topic=text_of(element, "topic")
-            or text_of(element.find("contact"), "topic"),
-            collisions=tuple(
-                text_of(collision)
-                for collision in element.iterfind("contact/collision")
-            ),
-            is_on_child=_has_text(element, "measure_direction", "parent_to_child"),
-            is_in_sensor=_has_text(element, "frame", "sensor"),
-            plugins=tuple(read_plugins(element, attribute(gazebo, "reference"))),
-        )
-        for gazebo in root.iterfind("gazebo")
-        for element in gazebo.iterfind("sensor")
-    )
-
-
-def referred_link(
-    reference: str, links: Collection[str], joints: Iterable[JointInfo]
-) -> str:
-    """Return the link that a `<gazebo>` tag refers to: of a joint its child."""
-    if reference in links:
-        return reference
-    return {joint.name: joint.child for joint in joints}.get(reference, reference)
-
-
 # A link that states no friction, or more, has this coefficient.
 _USUAL_FRICTION = 1.0
 
@@ -542,32 +487,3 @@ def read_friction(root: ET.Element, links: Collection[str]) -> dict[str, float]:
                 if mu is not None and mu >= 0.0 and link in links:
                     found[link] = min(mu, _USUAL_FRICTION)
     return found
-
-
-def _has_text(element: ET.Element, tag: str, value: str) -> bool:
-    """Return whether a sensor of forces has a tag with this text."""
-    return text_of(element.find("force_torque"), tag) == value
-
-
-def read_sensor_pose(element: ET.Element, report: LoadReport, file: Path) -> Pose:
-    """Return the pose that a sensor states, in its link."""
-    tag, text = element.find("pose"), text_of(element, "pose")
-    if tag is None:
-        return (0.0,) * 6
-    numbers = [parse_number(part) for part in text.split()]
-    known = [n for n in numbers if n is not None and math.isfinite(n)]
-    where = f"sensor {attribute(element, 'name')!r}"
-    if len(numbers) != 6 or len(known) != 6:
-        known = [0.0] * 6
-        if text:
-            what = f"pose: expected x, y, z, roll, pitch, yaw, got {text!r}"
-            done = "it is where its link is"
-            report.add("warning", "invalid", what, done, where=where, file=file)
-    if other := attribute(tag, "relative_to"):
-        what = f"pose: relative_to {other!r}"
-        done = "it is taken as relative to the link"
-        report.add("warning", "ignored", what, done, where=where, file=file)
-    if parse_bool(attribute(tag, "degrees")):
-        known[3:] = map(math.radians, known[3:])
-    x, y, z, roll, pitch, yaw = known
-    return (x, y, z, roll, pitch, yaw)

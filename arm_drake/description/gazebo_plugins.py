@@ -1,4 +1,4 @@
-"""Gazebo plugins that move or report joints, drive bases or feel contact.
+"""Gazebo plugins that move or report joints, and sensors that feel and measure.
 
 Each is a dataclass with the fields and defaults of the plugin, whose metadata say from
 which tags they are read.
@@ -14,7 +14,8 @@ Sources of the fields and of their defaults:
 - gazebo_ros_pkgs, branch ros2, gazebo_plugins/src:
   gazebo_ros_joint_state_publisher.cpp,
   gazebo_ros_joint_pose_trajectory.cpp, gazebo_ros_diff_drive.cpp,
-  gazebo_ros_planar_move.cpp, gazebo_ros_ackermann_drive.cpp, gazebo_ros_bumper.cpp
+  gazebo_ros_planar_move.cpp, gazebo_ros_ackermann_drive.cpp, gazebo_ros_bumper.cpp,
+  gazebo_ros_imu_sensor.cpp
 - gz_ros2_control: gz_ros2_control_plugin.cpp; gazebo_ros2_control:
   gazebo_ros2_control_plugin.cpp
 """
@@ -651,6 +652,66 @@ class ContactSensorTag:
 
     # Link in whose frame that is told; empty is the world's.
     frame: str = ""
+
+    namespace: str = ""
+    remappings: tuple[str, ...] = ()
+
+
+@dc.dataclass(frozen=True)
+class Noise:
+    """Gaussian noise of a sensor, in its unit; a camera's is of colours from 0 to 1."""
+
+    mean: float = 0.0
+    stddev: float = 0.0
+
+    # Of an error that a sensor has all the time, to either side; a camera has none.
+    bias_mean: float = 0.0
+    bias_stddev: float = 0.0
+
+    # The sensor tells multiples of it; 0 is any.
+    precision: float = 0.0
+
+    # Of an IMU's error that wanders about 0: how fast, in its unit per square root of
+    # a second, and how long it lasts [s]; 0 is none.
+    dynamic_bias_stddev: float = 0.0
+    dynamic_bias_correlation_time: float = 0.0
+
+
+@dc.dataclass(frozen=True)
+class ImuSensorTag:
+    """An inertial measurement unit."""
+
+    name: str
+
+    # Link that carries it, and its pose there: x, y, z [m], roll, pitch, yaw [rad].
+    link: str
+    pose: tuple[float, float, float, float, float, float] = (0.0,) * 6
+
+    # Link of which that one is part in Gazebo, if it is; Gazebo's names contain it.
+    merged: str = ""
+
+    # [Hz]; 0 is every tick.
+    update_rate: float = 0.0
+
+    # Topic that its tag names; empty is Gazebo's default.
+    topic: str = ""
+
+    # Frame that its messages name; empty is Gazebo's default.
+    frame_id: str = ""
+
+    # Of the angular velocity [rad/s] along x, y and z, and of the linear acceleration
+    # [m/s^2].
+    noise: tuple[Noise, ...] = (Noise(),) * 6
+
+    has_orientation: bool = True
+
+    # Frame in which it tells orientations: roll, pitch, yaw in the world [rad]; None is
+    # its own as it is at the start.
+    reference: tuple[float, float, float] | None = None
+
+    # Whether Gazebo Classic's plugin publishes it, and the name of that.
+    is_classic: bool = False
+    node: str = ""
 
     namespace: str = ""
     remappings: tuple[str, ...] = ()

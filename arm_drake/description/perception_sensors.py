@@ -25,9 +25,14 @@ from arm_drake.description.elements import (
 )
 from arm_drake.description.gazebo import (
     GazeboPlugin,
-    Pose,
     read_gazebo_plugins,
     read_plugins,
+)
+from arm_drake.description.gazebo_plugins import Noise
+from arm_drake.description.gazebo_sensors import (
+    FRAME_TAGS,
+    Pose,
+    SensorReader,
     read_sensor_pose,
     referred_link,
 )
@@ -93,21 +98,6 @@ _MOST_RAYS: Final = 10_000_000
 
 # Sensors that say 0 tell something at every step of Gazebo; here they do at this [Hz].
 USUAL_RATE: Final = 30.0
-
-
-@dc.dataclass(frozen=True)
-class Noise:
-    """Gaussian noise of a sensor, in its unit; a camera's is of colours from 0 to 1."""
-
-    mean: float = 0.0
-    stddev: float = 0.0
-
-    # Of an error that a lidar has all the time, to either side.
-    bias_mean: float = 0.0
-    bias_stddev: float = 0.0
-
-    # A lidar tells multiples of it; 0 is any.
-    precision: float = 0.0
 
 
 @dc.dataclass(frozen=True)
@@ -319,7 +309,7 @@ def _find_realsenses(
     return found
 
 
-class _SensorReader(ElementReader):
+class _SensorReader(SensorReader):
     """Reads the fields of one sensor."""
 
     def refuse(
@@ -342,7 +332,7 @@ class _SensorReader(ElementReader):
                 what = f"plugin {other.filename or other.name!r}"
                 self.note("info", "ignored", what, "it has no effect")
         rate = self.value(element, "update_rate", 0.0, least=0.0)
-        frame = next(filter(None, (text_of(element, t) for t in _FRAME_TAGS)), "")
+        frame = self.frame(element)
         name = attribute(element, "name")
         if plugin is not None:
             tag = "frame_name"
@@ -356,7 +346,7 @@ class _SensorReader(ElementReader):
                 self.note("warning", "missing", what, done)
         kind = attribute(element, "type")
         known = _TAGS | (_CAMERA_TAGS if kind in _CAMERA_KINDS else _LIDAR_TAGS)
-        self._check_tags(
+        self.check_tags(
             element, known | ({"camera/pose"} if kind == "multicamera" else set()), ""
         )
         return PerceptionSensor(
@@ -371,33 +361,6 @@ class _SensorReader(ElementReader):
             visualize=text_of(element, "visualize") in ("true", "1"),
         )
 
-    def _check_tags(self, parent: ET.Element, known: Collection[str], at: str) -> None:
-        """Report what has no effect below an element."""
-        for child in parent:
-            path = f"{at}{child.tag}"
-            if path not in known:
-                self.note("info", "ignored", f"<{path}>", "it has no effect")
-            elif child.tag not in ("plugin", "pose"):
-                self._check_tags(child, known, f"{path}/")
-
-    def value(
-        self,
-        element: ET.Element | None,
-        path: str,
-        default: float,
-        *,
-        least: float = -math.inf,
-    ) -> float:
-        """Return the finite number in a child, the default if it gives none."""
-        found = None if element is None else element.find(path)
-        if found is None:
-            return default
-        number = self.finite(text_of(found), path)
-        if number is not None and number < least:
-            self.expected(path, f"at least {least:g}", text_of(found))
-            number = None
-        return default if number is None else number
-
     def raw(self, element: ET.Element | None, path: str, default: float) -> float:
         """Return the number in a child, which may be infinite or NaN."""
         number = parse_float(text_of(element, path))
@@ -405,23 +368,10 @@ class _SensorReader(ElementReader):
 
     def _noise(self, element: ET.Element) -> Noise:
         tags = [element.find(f"{top}/noise") for top in ("camera", "lidar", "ray")]
-        noise = next((tag for tag in tags if tag is not None), None)
-        if noise is None:
-            return Noise()
-        kind = attribute(noise, "type") or text_of(noise, "type") or "none"
-        if kind not in ("gaussian", "gaussian_quantized", "none"):
-            expected = "gaussian, gaussian_quantized or none"
-            self.expected("noise type", expected, kind)
-        if kind not in ("gaussian", "gaussian_quantized"):
-            return Noise()
-        mean = self.value(noise, "mean", 0.0)
-        stddev = self.value(noise, "stddev", 0.0, least=0.0)
+        noise = self.noise(next((tag for tag in tags if tag is not None), None))
         if attribute(element, "type") in _CAMERA_KINDS:
-            return Noise(mean, stddev)
-        bias = self.value(noise, "bias_mean", 0.0)
-        bias_stddev = self.value(noise, "bias_stddev", 0.0, least=0.0)
-        precision = self.value(noise, "precision", 0.0, least=0.0)
-        return Noise(mean, stddev, bias, bias_stddev, precision)
+            return Noise(noise.mean, noise.stddev)
+        return noise
 
     def cameras(
         self, element: ET.Element, common: PerceptionSensor
@@ -737,9 +687,6 @@ def _depth_range(
     return near, far
 
 
-# Frames of messages, by the tags of the generations of Gazebo.
-_FRAME_TAGS: Final = ("gz_frame_id", "ignition_frame_id", "frame_id")
-
 _CAMERA_KINDS: Final[Mapping[str, CameraKind]] = {
     "camera": "color",
     "multicamera": "color",
@@ -757,7 +704,7 @@ _Read = Callable[
 
 # Tags that are read, or whose default is what is done here.
 _TAGS: Final = frozenset(
-    {"always_on", "update_rate", "topic", "visualize", "pose", "plugin", *_FRAME_TAGS}
+    {"always_on", "update_rate", "topic", "visualize", "pose", "plugin", *FRAME_TAGS}
 )
 
 

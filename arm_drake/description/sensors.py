@@ -1,23 +1,34 @@
-"""Sensors of a robot: quantities, frames, and contact sensors as controllers.
+"""Sensors of a robot: quantities, frames, and Gazebo's sensors as controllers.
 
 A `<sensor>` of `<ros2_control>` has names of values and no place. The place is looked
-for where robots' authors write it. Contact sensors ("bumpers") of `<gazebo>` tags are
-systems of the robot.
+for where robots' authors write it. Contact sensors ("bumpers") and IMUs of `<gazebo>`
+tags are systems of the robot.
 
-Sources: gz-sim, src/systems/contact/Contact.cc; gazebo_ros_pkgs, branch ros2,
-gazebo_plugins/src/gazebo_ros_bumper.cpp.
+Sources: gz-sim, src/systems/contact/Contact.cc, imu/Imu.cc; gz-transport,
+src/TopicUtils.cc; gazebo_ros_pkgs, branch ros2,
+gazebo_plugins/src/gazebo_ros_bumper.cpp, gazebo_ros_imu_sensor.cpp.
 """
 
 import dataclasses as dc
 import functools
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from arm_drake import interfaces
 from arm_drake.description.controllers import ControllerConfig, ControllerManagerConfig
 from arm_drake.description.elements import free_name
-from arm_drake.description.gazebo import CONTACT, GazeboSensor, referred_link
-from arm_drake.description.gazebo_plugins import ContactSensorTag, shape_name
+from arm_drake.description.gazebo_plugins import (
+    ContactSensorTag,
+    ImuSensorTag,
+    shape_name,
+)
+from arm_drake.description.gazebo_sensors import (
+    CONTACT,
+    IMU,
+    GazeboSensor,
+    referred_link,
+)
 from arm_drake.description.report import LoadReport, Severity
 from arm_drake.description.ros2_control import ComponentInfo
 from arm_drake.description.urdf import RobotDescription
@@ -257,18 +268,23 @@ def sensed_names(
     return (*names, *joints)
 
 
-# What they are called where a controller's type is.
-CLASSIC_TYPE = "gazebo_plugins/GazeboRosBumper"
-SIM_TYPE = "gz::sim::systems::Contact"
+# What they are called where a controller's type is, in Gazebo Sim and Classic.
+_TYPES: Final[Mapping[type, tuple[str, str]]] = {
+    ContactSensorTag: ("gz::sim::systems::Contact", "gazebo_plugins/GazeboRosBumper"),
+    ImuSensorTag: ("gz::sim::systems::Imu", "gazebo_plugins/GazeboRosImuSensor"),
+}
 
 _WORLD = "world"
 
+# What a topic of Gazebo Sim can't have in its name.
+_NOT_IN_TOPICS = re.compile(" |@|~|//|:=")
 
-def add_contact_sensors(
+
+def add_gazebo_sensors(
     description: RobotDescription, config: ControllerManagerConfig, report: LoadReport
 ) -> ControllerManagerConfig:
-    """Return the controllers of a robot, and its contact sensors among them."""
-    if not any(sensor.type == CONTACT for sensor in description.gazebo_sensors):
+    """Return the controllers of a robot; its contact sensors and IMUs among them."""
+    if not any(each.type in (CONTACT, IMU) for each in description.gazebo_sensors):
         return config
     shapes = {
         link.name: tuple(shape_name(link.name, n) for n in range(len(link.collisions)))
@@ -277,21 +293,75 @@ def add_contact_sensors(
     names = {controller.name for controller in config.controllers}
     added = []
     for sensor in description.gazebo_sensors:
-        if sensor.type != CONTACT:
-            continue
-        tag = _make_tag(sensor, shapes, description, report)
+        tag: ContactSensorTag | ImuSensorTag | None = None
+        if sensor.type == CONTACT:
+            tag = _make_contact_sensor(sensor, shapes, description, report)
+        elif sensor.imu is not None:
+            tag = _make_imu(sensor, sensor.imu, description, config, report)
         if tag is None:
             continue
         name = free_name(tag.name, names.__contains__)
         names.add(name)
-        kind = CLASSIC_TYPE if tag.is_classic else SIM_TYPE
+        kind = _TYPES[type(tag)][tag.is_classic]
         added.append(
             ControllerConfig(name, kind, {}, description.file, 1, plugins=(tag,))
         )
     return dc.replace(config, controllers=(*config.controllers, *added))
 
 
-def _make_tag(
+def _find_link(
+    sensor: GazeboSensor, noun: str, description: RobotDescription, report: LoadReport
+) -> str:
+    """Return the link that a sensor's tag refers to, or "" and a line in the report."""
+    link = referred_link(sensor.reference, description.links, description.joints)
+    if link in description.links:
+        return link
+    where, file = f"{noun} {sensor.name!r}", description.file
+    what = f"its reference is no link, {sensor.reference!r}; "
+    what += suggest(sensor.reference, description.links)
+    report.add("error", "missing", what, "left out", where=where, file=file)
+    return ""
+
+
+def _make_imu(
+    sensor: GazeboSensor,
+    imu: ImuSensorTag,
+    description: RobotDescription,
+    config: ControllerManagerConfig,
+    report: LoadReport,
+) -> ImuSensorTag | None:
+    """Return an IMU in its place, or None; what it can't be is reported."""
+    link = _find_link(sensor, "IMU", description, report)
+    if not link:
+        return None
+    where, file, links = f"IMU {sensor.name!r}", description.file, description.links
+    if imu.frame_id and imu.frame_id not in (*links, _WORLD):
+        what = f"its frame {imu.frame_id!r} is no link; {suggest(imu.frame_id, links)}"
+        done = "its messages name it all the same"
+        report.add("warning", "missing", what, done, where=where, file=file)
+    if not imu.is_classic and _NOT_IN_TOPICS.search(imu.topic):
+        what = f"topic {imu.topic!r}: expected one without spaces, @, ~, // and :="
+        done = "they are taken out of its name, as by Gazebo"
+        report.add("warning", "invalid", what, done, where=where, file=file)
+    if imu.update_rate > config.update_rate:
+        what = f"update_rate {imu.update_rate:g} Hz, above the controller manager's"
+        done = f"it measures at {config.update_rate} Hz, in each of its cycles"
+        report.add("warning", "unsupported", what, done, where=where, file=file)
+    name = sensor.name or link
+    return dc.replace(imu, name=name, link=link, pose=sensor.pose, merged=sensor.merged)
+
+
+def imu_tags(config: ControllerManagerConfig) -> dict[str, ImuSensorTag]:
+    """Return the IMUs of `<gazebo>` tags by the names of their controllers."""
+    return {
+        controller.name: tag
+        for controller in config.controllers
+        for tag in controller.plugins
+        if isinstance(tag, ImuSensorTag)
+    }
+
+
+def _make_contact_sensor(
     sensor: GazeboSensor,
     shapes: Mapping[str, tuple[str, ...]],
     description: RobotDescription,
@@ -299,11 +369,8 @@ def _make_tag(
 ) -> ContactSensorTag | None:
     """Return a sensor with the shapes that it feels with, or None."""
     where, file = f"contact sensor {sensor.name!r}", description.file
-    link = referred_link(sensor.reference, description.links, description.joints)
-    if link not in description.links:
-        what = f"its reference is no link, {sensor.reference!r}; "
-        what += suggest(sensor.reference, description.links)
-        report.add("error", "missing", what, "left out", where=where, file=file)
+    link = _find_link(sensor, "contact sensor", description, report)
+    if not link:
         return None
     every = {shape: owner for owner, names in shapes.items() for shape in names}
     own = shapes.get(link, ())

@@ -16,16 +16,20 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from arm_drake.description.elements import parse_xml, quote_attribute
 from arm_drake.description.gazebo import (
-    CONTACT,
     GazeboPlugin,
-    GazeboSensor,
     read_friction,
     read_gazebo_plugins,
-    read_gazebo_sensors,
     read_joint_plugins,
     report_gazebo,
 )
 from arm_drake.description.gazebo_plugins import JointPlugin
+from arm_drake.description.gazebo_sensors import (
+    CONTACT,
+    IMU,
+    GazeboSensor,
+    read_gazebo_sensors,
+    report_unsimulated,
+)
 from arm_drake.description.inertia import repair_inertials
 from arm_drake.description.joints import (
     WORLD,
@@ -435,12 +439,14 @@ def _read_sensors(
 
     What of the tags has no effect is recorded.
     """
-    sensors = read_gazebo_sensors(root, report, file)
+    sensors = read_gazebo_sensors(root, joints, report, file)
     components = {sensor.name for block in hardware for sensor in block.sensors}
-    measuring = components.union(s.name for s in sensors if s.type == CONTACT)
+    plain = [sensor for sensor in sensors if sensor.type in (CONTACT, IMU)]
+    measuring = components.union(sensor.name for sensor in plain)
+    systems = {sensor.type for sensor in plain}
     seeing: tuple[PerceptionSensor, ...] = ()
     realsenses = (p for p in read_gazebo_plugins(root) if p.is_realsense)
-    if any(s.type != CONTACT for s in sensors) or any(realsenses):
+    if len(plain) < len(sensors) or any(realsenses):
         # Not at the top: its import takes 11 ms, and few robots have such a tag.
         from arm_drake.description import perception_sensors as perception
 
@@ -448,7 +454,11 @@ def _read_sensors(
         measuring.update(sensor.group or sensor.name for sensor in seeing)
         # Of those that are left out there is a line already.
         measuring.update(s.name for s in sensors if s.type in perception.TYPES)
-    report_gazebo(root, report, file, sensors=measuring, sees=bool(seeing))
+        systems.update({"sensors"} if seeing else ())
+    report_unsimulated(sensors, components, report, file)
+    report_gazebo(
+        root, report, file, sensors=measuring, systems=systems, sees=bool(seeing)
+    )
     return sensors, seeing
 
 

@@ -17,12 +17,13 @@ from pydrake.systems.primitives import Adder, ConstantVectorSource, Multiplexer
 
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
-from arm_drake.description.sensors import accelerating_joints
+from arm_drake.description.sensors import SensorInfo, accelerating_joints, imu_tags
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.hardware.drives import RobotDrive, add_rotors
 from arm_drake.hardware.joint_friction import make_robot_friction
 from arm_drake.hardware.servo import make_joint_servo, make_push
 from arm_drake.hardware.wiring import Wiring
+from arm_drake.interfaces import IMU as IMU_INTERFACES
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.plant import state_indices
 from arm_drake.plant.sensor_readings import ContactReadings, SensorReadings
@@ -56,6 +57,9 @@ class Hardware:
 
     # What touches the robot, if the physics tells.
     contacts: OutputPort | None = None
+
+    # What the IMUs of `<gazebo>` tags measure, by the names of their controllers.
+    imus: Mapping[str, OutputPort] = dc.field(default_factory=dict)
 
     # Everything that can be read, if that is known here.
     everything: OutputPort | None = None
@@ -259,18 +263,30 @@ def add_sensors(
     contacts = readings.get_output_port()
     # It costs nothing until somebody asks.
     builder.ExportOutput(contacts, f"{prefix}contacts")
+    imus = {}
+    for name, tag in imu_tags(robot.controllers).items():
+        sensor = SensorInfo(name, IMU_INTERFACES, tag.link, tag.pose)
+        readings = SensorReadings(plant, scene_graph, model, [sensor])
+        builder.AddNamedSystem(f"{prefix}imu:{name}", readings)
+        readings.connect(builder)
+        imus[name] = readings.get_output_port()
+    hardware = dc.replace(hardware, contacts=contacts, imus=imus)
     joints = accelerating_joints(robot.description)
     if not robot.sensors and not joints:
-        return dc.replace(hardware, contacts=contacts)
+        return hardware
     readings = SensorReadings(plant, scene_graph, model, robot.sensors, joints)
     builder.AddNamedSystem(f"{prefix}sensors", readings)
     readings.connect(builder)
-    return dc.replace(hardware, contacts=contacts, readings=readings.get_output_port())
+    return dc.replace(hardware, readings=readings.get_output_port())
 
 
 def report_blind(robot: Robot, report: LoadReport) -> None:
     """Record the sensors of a robot that has no physics to measure."""
+    file = robot.description.file
     for sensor in robot.sensors:
         what = f"sensor {sensor.name!r} measures nothing without physics"
         done = "its states keep their initial values, or follow their commands"
-        report.add("info", "unsupported", what, done, file=robot.description.file)
+        report.add("info", "unsupported", what, done, file=file)
+    for name in imu_tags(robot.controllers):
+        what = f"IMU {name!r} measures nothing without physics"
+        report.add("info", "unsupported", what, "its topic stays silent", file=file)

@@ -81,6 +81,7 @@ class RobotSystems:
             hardware_interfaces,
             gripper_ranges=gripper_ranges or {},
             namespace=self.namespace,
+            seed=self.options.seed,
         )
 
     @property
@@ -204,12 +205,16 @@ class RobotSystems:
                 kind = ":all" if everything is not hardware.recorded else ""
                 measured = self._sample(measured, self.period, kind)
         self.builder.Connect(measured, system.GetInputPort(interfaces.STATE_PORT))
-        if system.HasInputPort(name := interfaces.FRAMES_PORT):
+        if system.HasInputPort(interfaces.FRAMES_PORT):
             frames = self.builder.GetSubsystemByName(f"{self.prefix}frames")
-            self.builder.Connect(frames.get_output_port(), system.GetInputPort(name))
+            port = system.GetInputPort(interfaces.FRAMES_PORT)
+            self.builder.Connect(frames.get_output_port(), port)
         if system.HasInputPort(interfaces.CONTACTS_PORT) and hardware.contacts:
             port = system.GetInputPort(interfaces.CONTACTS_PORT)
             self.builder.Connect(hardware.contacts, port)
+        if name in hardware.imus:
+            port = system.GetInputPort(interfaces.READINGS_PORT)
+            self.builder.Connect(hardware.imus[name], port)
 
     def _all_states(
         self,

@@ -32,12 +32,12 @@ from pydrake.systems.framework import Context
 
 from arm_drake.arrays import Array
 from arm_drake.controllers.gazebo.plugin import as_topic
+from arm_drake.description.gazebo_plugins import Noise
 from arm_drake.description.meshes.reading import read_bytes, read_surfaces
 from arm_drake.description.meshes.surfaces import decode_gltf, decode_surface
 from arm_drake.description.perception_sensors import (
     OUTPUT_TYPES,
     LidarSensor,
-    Noise,
     ScanAxis,
 )
 from arm_drake.errors import ArmDrakeError, InputError

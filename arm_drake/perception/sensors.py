@@ -24,13 +24,13 @@ from pydrake.systems.framework import (
 )
 
 from arm_drake.arrays import is_number
-from arm_drake.controllers.gazebo.plugin import as_topic, ros_topic
+from arm_drake.controllers.gazebo.plugin import as_topic, ros_topic, with_node
 from arm_drake.description.gazebo import GazeboPlugin
+from arm_drake.description.gazebo_plugins import Noise
 from arm_drake.description.perception_sensors import (
     CameraKind,
     CameraSensor,
     LidarSensor,
-    Noise,
     PerceptionSensor,
     find_camera_problem,
 )
@@ -244,10 +244,7 @@ def find_classic_topics(
 ) -> dict[str, str]:
     """Return the full names of topics of a plugin of Gazebo Classic."""
     namespace = plugin.text("ros/namespace")
-    # A rule's ~ is the plugin's node.
-    node = f"{namespace}/{plugin.name}"
-    rules = [text.replace("~", node, 1) for text in plugin.texts("ros/remapping")]
-    rules = [rule.replace(":=~", f":={node}", 1) for rule in rules]
+    rules = with_node(plugin.texts("ros/remapping"), namespace, plugin.name)
     return {key: ros_topic(name, namespace, rules) for key, name in names.items()}
 
 

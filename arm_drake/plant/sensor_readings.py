@@ -15,6 +15,7 @@ from pydrake.geometry import (
     SceneGraphInspector,
 )
 from pydrake.math import RigidTransform
+from pydrake.multibody.math import SpatialAcceleration
 from pydrake.multibody.plant import ContactResults, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, RigidBody
 from pydrake.systems.framework import (
@@ -33,6 +34,7 @@ from arm_drake.description.sensors import SensorInfo
 from arm_drake.interfaces import (
     ACCELERATIONS,
     FORCES,
+    IMU,
     ORIENTATIONS,
     POSITIONS,
     RANGE,
@@ -143,6 +145,18 @@ class _Mount(NamedTuple):
         """Return the pose of the sensor in the world, by those of all bodies."""
         return poses[self.body] @ self.X_LS
 
+    def acceleration(
+        self, X_WL: RigidTransform, w: Array, A_WL: SpatialAcceleration
+    ) -> Array:
+        """Return the sensor's acceleration in the world, by what its body does."""
+        arm = X_WL.rotation() @ self.X_LS.translation()
+        a: Array = (
+            A_WL.translational()
+            + _cross(A_WL.rotational(), arm)
+            + _cross(w, _cross(w, arm))
+        )
+        return a
+
 
 class SensorReadings(PythonSystem):
     """Measures what sensors do, in the plant as it is.
@@ -231,6 +245,10 @@ class SensorReadings(PythonSystem):
         names = sensor.interfaces
         body = self._body(sensor.link, model)
         mount = _Mount(int(body.index()), transform_of(sensor.pose))
+        if names == IMU:
+            here = slice(start, start + len(names))
+            self._parts.append((here, self._measure_imu(mount)))
+            return
         for known in SENSORS:
             if not any(name in known for name in names):
                 continue
@@ -284,17 +302,28 @@ class SensorReadings(PythonSystem):
         accelerations = self._ports.take("spatial_accelerations")
 
         def measure(context: Context) -> Array:
-            X_WL: RigidTransform = poses.Eval(context)[mount.body]
-            arm = X_WL.rotation() @ mount.X_LS.translation()
+            X_WL = poses.Eval(context)[mount.body]
             w = velocities.Eval(context)[mount.body].rotational()
             A_WL = accelerations.Eval(context)[mount.body]
-            a: Array = (
-                A_WL.translational()
-                + np.cross(A_WL.rotational(), arm)
-                + np.cross(w, np.cross(w, arm))
-            )
             R_WS = (X_WL @ mount.X_LS).rotation().matrix()
-            return R_WS.T @ (a - self._gravity)
+            return R_WS.T @ (mount.acceleration(X_WL, w, A_WL) - self._gravity)
+
+        return measure
+
+    def _measure_imu(self, mount: _Mount) -> Callable[[Context], Array]:
+        """Return what measures all that an IMU does, and reads each port once."""
+        poses = self._ports.take("body_poses")
+        velocities = self._ports.take("spatial_velocities")
+        accelerations = self._ports.take("spatial_accelerations")
+
+        def measure(context: Context) -> Array:
+            X_WL = poses.Eval(context)[mount.body]
+            w = velocities.Eval(context)[mount.body].rotational()
+            A_WL = accelerations.Eval(context)[mount.body]
+            R_WS = (X_WL @ mount.X_LS).rotation()
+            q, R_SW = R_WS.ToQuaternion(), R_WS.matrix().T
+            a = mount.acceleration(X_WL, w, A_WL) - self._gravity
+            return np.concatenate([q.xyz(), [q.w()], R_SW @ w, R_SW @ a])
 
         return measure
 

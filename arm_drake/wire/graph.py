@@ -158,7 +158,7 @@ class Topic:
             ahead = self.due + self.period if math.isfinite(self.due) else time
             self.due = ahead if ahead > time else time + self.period * (1.0 - 1e-6)
         value = self.read(context)
-        if value is not self.last:
+        if value is not self.last and not _is_same(value, self.last):
             self.last = value
             self.waiting.append(value)
 
@@ -167,6 +167,12 @@ class Topic:
         self.due, self.last = -math.inf, None
         for other in self.others:
             other.reset()
+
+
+def _is_same(value: Any, last: Any) -> bool:
+    """Return whether a message is the last one, by its stamp, made once more."""
+    stamps = [getattr(getattr(v, "header", None), "stamp", None) for v in (value, last)]
+    return stamps[0] is not None and stamps[0] == stamps[1]
 
 
 class _LastCycle:

@@ -10,7 +10,7 @@ import pytest
 from trimesh import creation
 
 import arm_drake as ad
-from arm_drake.description.perception_sensors import Noise
+from arm_drake.description.gazebo_plugins import Noise
 from arm_drake.errors import ArmDrakeError, InputError
 from arm_drake.messages import LaserScan, Twist, Vector3
 from arm_drake.perception import lidar as lidars
@@ -237,6 +237,24 @@ def load_two(topic: str = "scan") -> ad.Robot:
     shapes = shape('<sphere radius="0.5"/>') + shape('<sphere radius="1"/>', "-2 0 0")
     more = "<update_rate>10</update_rate>"
     return load(shapes, more=f"<topic>{topic}</topic>{more}", end=_REAR)
+
+
+@pytest.mark.slow
+def test_a_bridge_gives_a_scan_its_name_in_ros(tmp_path: Path) -> None:
+    bridge = tmp_path / "bridge.yaml"
+    bridge.write_text(
+        "- {ros_topic_name: front/scan, gz_topic_name: /gz/scan,\n"
+        "   ros_type_name: sensor_msgs/msg/LaserScan,\n"
+        "   gz_type_name: gz.msgs.LaserScan, direction: GZ_TO_ROS}\n"
+    )
+    source = load(more="<topic>gz/scan</topic>").description.source
+    robot = ad.load_robot(source, controllers=bridge)
+    simulation = ad.Simulation(ad.build_diagram(robot))
+
+    told = simulation.topic("/front/scan").value()
+
+    assert isinstance(told, LaserScan)
+    assert told == simulation.topic("/gz/scan").value()
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from arm_drake.controllers.controller_interface import (
 )
 from arm_drake.controllers.registry import import_name
 from arm_drake.description import gazebo_plugins
-from arm_drake.description.gazebo_plugins import ContactSensorTag
+from arm_drake.description.gazebo_plugins import ContactSensorTag, ImuSensorTag
 
 # "module:System" by class of the tag, imported when a robot has one.
 _SYSTEMS: Mapping[type, str] = {
@@ -22,6 +22,7 @@ _SYSTEMS: Mapping[type, str] = {
     gazebo_plugins.JointStatePublisher: "joint_state_publisher:JointStatePublisher",
     gazebo_plugins.OdometryPublisher: "odometry_publisher:OdometryPublisher",
     ContactSensorTag: "contact_sensor:ContactSensor",
+    ImuSensorTag: "imu_sensor:ImuSensor",
     gazebo_plugins.DiffDrive: "diff_drive:DiffDrive",
     gazebo_plugins.AckermannSteering: "ackermann_drive:AckermannSteering",
     gazebo_plugins.MecanumDrive: "mecanum_drive:MecanumDrive",

@@ -35,6 +35,7 @@ from arm_drake.description.gazebo_plugins import (
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
     GazeboRosPlanarMove,
+    ImuSensorTag,
     JointController,
     JointPositionController,
     JointStatePublisher,
@@ -244,6 +245,7 @@ GazeboTag = (
     | WheelDrive
     | OdometryPublisher
     | VelocityControl
+    | ImuSensorTag
     | GazeboRosJointPoseTrajectory
     | GazeboRosJointStatePublisher
     | GazeboRosDiffDrive
@@ -308,6 +310,16 @@ def contact_topic(tag: ContactSensorTag, model: str, world: str) -> str:
     return as_topic(tag.topic or f"{place}/contact")
 
 
+def imu_topic(tag: ImuSensorTag, model: str, world: str) -> str:
+    """Return the topic of an IMU."""
+    if tag.is_classic:
+        rules = with_node(tag.remappings, tag.namespace, tag.node)
+        return ros_topic(f"{tag.node}/out", tag.namespace, rules)
+    link = tag.merged or tag.link
+    place = f"world/{world}/model/{model}/link/{link}/sensor/{tag.name}"
+    return as_topic(tag.topic or f"{place}/imu")
+
+
 class DriveTopics(NamedTuple):
     """Topics of a drive of Gazebo Sim; `enable` is a DiffDrive's alone."""
 
@@ -345,6 +357,15 @@ def ros_topic(name: str, namespace: str, remappings: Sequence[str]) -> str:
         if _resolve(rule["old"], namespace) == topic:
             return _resolve(rule["new"], namespace)
     return topic
+
+
+def with_node(remappings: Sequence[str], namespace: str, node: str) -> list[str]:
+    """Return remappings with the full name of a plugin's node instead of its ~."""
+    name = _resolve(node, namespace)
+    rules = [
+        text.replace("~", name, 1) if text[:1] == "~" else text for text in remappings
+    ]
+    return [rule.replace(":=~", f":={name}", 1) for rule in rules]
 
 
 def find_twist_fault(message: Twist, *, sideways: bool = False) -> str:
@@ -390,11 +411,13 @@ def find_unsupported(tag: GazeboTag) -> list[str]:
             number = len(getattr(tag, name))
             if number > pairs:
                 problems.append(f"{name}: {number} values for {pairs} pairs of wheels")
-    if isinstance(tag, _Classic):
+    if isinstance(tag, _Classic | ImuSensorTag):
+        node = tag.node if isinstance(tag, ImuSensorTag) else ""
+        rules = with_node(tag.remappings, tag.namespace, node)
         problems += [
             f"remapping {text!r}: expected from:=to, with names of topics"
-            for text in tag.remappings
-            if not _REMAPPING.fullmatch(text)
+            for text, rule in zip(tag.remappings, rules, strict=True)
+            if not _REMAPPING.fullmatch(rule)
         ]
     return problems
 
