@@ -79,7 +79,11 @@ def real_robots_that_are_expanded_once() -> Iterator[None]:
     # Most tests load one of these, whose files stay as they are, and xacro's process
     # takes three times what the rest of the loading does. What reads any other file,
     # or is for another environment, is expanded each time.
-    still = (models_folder().resolve(), BESIDE_THE_CHECKOUT.resolve())
+    still = (
+        models_folder().resolve(),
+        BESIDE_THE_CHECKOUT.resolve(),
+        BESIDE_THE_CHECKOUT.with_name("launch").resolve(),
+    )
     expand = xacro._run
     answers: dict[str, tuple[str, dict[str, Path]]] = {}
 

@@ -23,6 +23,9 @@ _NO_SLACK = 1e-9
 # How far from 1 an eigenvalue on the unit circle may be found.
 _ON_CIRCLE = 1e-9
 
+# How many systems of equations are solved at once.
+_AT_ONCE = 64
+
 
 class Pole(NamedTuple):
     """An eigenvalue of the closed loop."""
@@ -226,9 +229,18 @@ def _index(joint: str, names: Sequence[str]) -> int:
 
 def transfer(A: Array, b: Array, c: Array, z: Array) -> Array:
     """Return c (zI - A)^-1 b at each z, shape of z."""
-    resolvents = z[:, None, None] * np.eye(len(A)) - A
-    columns = np.broadcast_to(b.astype(complex), (len(z), len(b)))[..., None]
-    return np.asarray(np.linalg.solve(resolvents, columns)[..., 0] @ c)
+    size, found = len(A), np.empty(len(z), dtype=complex)
+    diagonal = np.arange(size)
+    # A few at a time: of thousands the matrices leave the processor's cache.
+    for first in range(0, len(z), _AT_ONCE):
+        some = z[first : first + _AT_ONCE]
+        resolvents = np.empty((len(some), size, size), dtype=complex)
+        resolvents[:] = -A
+        resolvents[:, diagonal, diagonal] += some[:, None]
+        columns = np.broadcast_to(b.astype(complex), (len(some), size))[..., None]
+        solved = np.linalg.solve(resolvents, columns)[..., 0]
+        found[first : first + _AT_ONCE] = solved @ c
+    return found
 
 
 def margins_of(L: Array, at: Array) -> Margins:

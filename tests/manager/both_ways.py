@@ -43,51 +43,58 @@ class Count:
         return self.num_steady + self.num_quiet + self.num_full
 
 
-_EVENT = ("request", "status", "result", "feedback", "note")
-_SAMPLE = (
-    "position",
-    "velocity",
-    "acceleration",
-    "effort",
-    "segment_start",
-    "segment_end",
-)
+# Of what has others, which are made when somebody looks at them.
+_NAMES = {
+    GoalEvent: ("request", "status", "result", "feedback", "note"),
+    Sample: (
+        "position",
+        "velocity",
+        "acceleration",
+        "effort",
+        "segment_start",
+        "segment_end",
+    ),
+    functools.partial: ("func", "args"),
+}
+
+
+@functools.cache
+def _names_of(kind: type) -> tuple[str, ...]:
+    """Return the names of what a value consists of, none if it has no parts."""
+    for known, names in _NAMES.items():
+        if issubclass(kind, known):
+            return names
+    if dc.is_dataclass(kind) and not issubclass(kind, tuple):
+        return tuple(field.name for field in dc.fields(kind))
+    return ()
 
 
 def find_difference(one: Any, other: Any) -> str:
     """Return where two values differ in a bit; empty if they don't."""
-    if one is other or (type(one) is float and one == other != 0.0):
+    kind = type(one)
+    if one is other or (kind is float and one == other != 0.0):
         return ""
-    if type(one) is not type(other):
+    if kind is not type(other):
         return f": {one!r} and {other!r}"
-    parts: Iterable[tuple[Any, Any, Any]] = ()
-    if isinstance(one, np.ndarray | float):
+    if kind is np.ndarray or issubclass(kind, np.ndarray | float):
         a, b = np.asarray(one), np.asarray(other)
         is_same = (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
         return "" if is_same else f": {one!r} and {other!r}"
-    if isinstance(one, GoalEvent):
-        # It is made when somebody looks at it.
-        parts = [(n, getattr(one, n), getattr(other, n)) for n in _EVENT]
-    elif isinstance(one, Sample):
-        parts = [(n, getattr(one, n), getattr(other, n)) for n in _SAMPLE]
-    elif isinstance(one, functools.partial):
-        parts = [("function", one.func, other.func), ("args", one.args, other.args)]
-    elif isinstance(one, dict):
-        if list(one) != list(other):
-            return f": {list(one)} and {list(other)}"
-        parts = [(key, one[key], other[key]) for key in one]
-    elif isinstance(one, tuple):
+    if issubclass(kind, tuple):
         if len(one) != len(other):
             return f": {one!r} and {other!r}"
-        names = getattr(one, "_fields", itertools.count())
-        parts = zip(names, one, other, strict=False)
-    elif dc.is_dataclass(one):
-        fields = [field.name for field in dc.fields(one)]
-        parts = [(n, getattr(one, n), getattr(other, n)) for n in fields]
-    elif one != other:
-        return f": {one!r} and {other!r}"
-    for name, a, b in parts:
-        if difference := find_difference(a, b):
+        parts = zip(one, other, strict=True)
+        names: Iterable[Any] = getattr(kind, "_fields", itertools.count())
+    elif issubclass(kind, dict):
+        if list(one) != list(other):
+            return f": {list(one)} and {list(other)}"
+        parts, names = zip(one.values(), other.values(), strict=True), one
+    elif names := _names_of(kind):
+        parts = ((getattr(one, name), getattr(other, name)) for name in names)
+    else:
+        return "" if one == other else f": {one!r} and {other!r}"
+    for name, (a, b) in zip(names, parts, strict=False):
+        if a is not b and (difference := find_difference(a, b)):
             return f".{name}{difference}"
     return ""
 
