@@ -163,7 +163,7 @@ def test_without_bad_input_all_of_them_run(tmp_path: Path) -> None:
 # What is wrong, and what it is called after the name of the file.
 BAD_PARAMETERS = [
     ("jtc", "joints: 3", ":2: jtc.joints: expected a list of str, got 3"),
-    ("jtc", "-joints", ": jtc.joints: is required but missing"),
+    ("jtc", "-joints", ":1: jtc.joints: is required but missing"),
     (
         "jtc",
         "state_interfaces: [velocity]",
@@ -199,7 +199,7 @@ BAD_PARAMETERS = [
     (
         "forward",
         "-interface_name",
-        ": forward.interface_name: is required but missing",
+        ":1: forward.interface_name: is required but missing",
     ),
     (
         "pid",
@@ -214,7 +214,7 @@ BAD_PARAMETERS = [
     (
         "pid",
         "gains: {j3: {p: 1.0, i_clamp_max: -1.0}}",
-        ": pid: gains.j3.i_clamp_min and i_clamp_max must have 0 between them, got "
+        ":1: pid: gains.j3.i_clamp_min and i_clamp_max must have 0 between them, got "
         "-inf and -1.0",
     ),
     (

@@ -412,8 +412,9 @@ def find_unsupported(tag: GazeboTag) -> list[str]:
             if number > pairs:
                 problems.append(f"{name}: {number} values for {pairs} pairs of wheels")
     if isinstance(tag, _Classic | ImuSensorTag):
-        node = tag.node if isinstance(tag, ImuSensorTag) else ""
-        rules = with_node(tag.remappings, tag.namespace, node)
+        rules: Sequence[str] = tag.remappings
+        if isinstance(tag, ImuSensorTag):
+            rules = with_node(rules, tag.namespace, tag.node)
         problems += [
             f"remapping {text!r}: expected from:=to, with names of topics"
             for text, rule in zip(tag.remappings, rules, strict=True)
