@@ -34,6 +34,7 @@ from arm_drake.messages import (
     ResetOdometry,
     SetOdometry,
     TFMessage,
+    Time,
 )
 from arm_drake.rollout.bag import contact_topic, make_tf, stamp
 from arm_drake.rollout.link_poses import (
@@ -170,9 +171,12 @@ class Topic:
 
 
 def _is_same(value: Any, last: Any) -> bool:
-    """Return whether a message is the last one, by its stamp, made once more."""
+    """Return whether a message is the last one, by its stamp, made once more.
+
+    Not everybody gives messages a stamp; without one each is new.
+    """
     stamps = [getattr(getattr(v, "header", None), "stamp", None) for v in (value, last)]
-    return stamps[0] is not None and stamps[0] == stamps[1]
+    return stamps[0] not in (None, Time()) and stamps[0] == stamps[1]
 
 
 class _LastCycle:

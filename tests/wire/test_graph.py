@@ -12,6 +12,8 @@ from arm_drake.manager.loaded_controllers import LoadedController
 from arm_drake.messages import (
     Duration,
     FollowJointTrajectoryGoal,
+    Header,
+    JointState,
     JointTrajectory,
     JointTrajectoryPoint,
 )
@@ -137,6 +139,20 @@ def test_sensors_that_share_a_topic_are_all_told_on_it() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("seconds", "told"), [(0.0, 3), (0.5, 1)])
+def test_a_message_with_the_stamp_of_the_last_one_is_told_once(
+    seconds: float, told: int
+) -> None:
+    def read(context: object) -> JointState:
+        return JointState(Header(seconds), ["a"], [1.0])
+
+    topic = Topic("/states", "sensor_msgs/msg/JointState", "someone", read=read)
+    for tick in range(3):
+        topic.update(None, 0.1 * tick)
+
+    assert len(topic.waiting) == told
+
+
 def test_what_happens_is_told_in_words_and_who_is_active() -> None:
     sim = simulation()
     server = RosServer(sim, ())
