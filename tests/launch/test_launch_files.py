@@ -85,12 +85,21 @@ def test_what_is_not_spawned_and_can_not_run_is_left_out(package: Path) -> None:
     known = [each.name for each in robot.controllers.controllers]
     assert known == ["joint_state_broadcaster", "arm_controller"]
     assert "no spawner loads own, forward; they are left out" in str(robot.report)
+    (reason,) = [entry for entry in robot.report if entry.where == "forward"]
+    assert ("no joint 'gone'" in reason.what, reason.severity) == (True, "info")
     path = describe(package, 'publisher(), manager(), spawner("forward"),')
     (robot,) = ad.load_launch(path).load_scene().robots
     (error,) = robot.report.errors
     assert (error.where, "no joint 'gone'" in error.what) == ("forward", True)
+    path = describe(package, 'publisher(), manager(), spawner("foward"),')
+    plan = ad.load_launch(path)
+    (robot,) = plan.load_scene().robots
+    assert [each.where for each in robot.report.errors] == ["forward"]
+    assert "'foward' is spawned but has no parameters" in str(plan.report)
+    assert "did you mean 'forward'?" in str(plan.report)
 
 
+@pytest.mark.slow
 def test_a_controller_without_parameters_is_reported(package: Path) -> None:
     path = describe(package, "publisher(), manager(), spawner('arm_controler'),")
     plan = ad.load_launch(path)
