@@ -315,7 +315,7 @@ class _Shapes:
         for link in links:
             points = self._points.get(link)
             if points is not None and len(points) and link not in self._few:
-                self._few[link] = np.vstack([_thin(points), hull_corners(points)])
+                self._few[link] = np.vstack([thin(points), hull_corners(points)])
         return self._place(self._few, links, palm, positions)
 
     def _place(
@@ -369,12 +369,17 @@ def _spread(mesh: TriangleSurfaceMesh) -> np.ndarray:
     return np.vstack(parts)
 
 
-def _thin(points: np.ndarray) -> np.ndarray:
+# So many can be numbered.
+_MOST_CUBES = 2.0**62
+
+
+def thin(points: np.ndarray) -> np.ndarray:
     """Return one point of each cube with an edge of half a cell, shape (m, 3)."""
-    cubes = np.floor(points / (0.5 * _CELL)).astype(np.int64)
-    cubes -= cubes.min(axis=0)
-    sizes = cubes.max(axis=0) + 1
-    numbers = np.ravel_multi_index(tuple(cubes.T), tuple(sizes))
+    cubes = np.floor((points - points.min(axis=0)) / (0.5 * _CELL))
+    sizes = cubes.max(axis=0) + 1.0
+    if np.prod(sizes) > _MOST_CUBES:  # They are kilometres apart.
+        return points
+    numbers = np.ravel_multi_index(tuple(cubes.T.astype(int)), tuple(sizes.astype(int)))
     return np.asarray(points[np.unique(numbers, return_index=True)[1]])
 
 
