@@ -584,6 +584,14 @@ def test_a_process_that_is_not_run_is_reported_in_one_line(package: Path) -> Non
     assert str(told) == "not started: process sed -e s|a|b|g"
 
 
+def test_of_a_long_command_the_beginning_is_reported(package: Path) -> None:
+    path = describe(package, """ExecuteProcess(cmd=["own" + "x" * 1000]),""")
+
+    (told,) = ad.load_launch(path).not_started
+
+    assert str(told) == f"not started: process own{'x' * 197} ..."
+
+
 def test_files_of_parameters_are_rewritten_into_a_folder_of_the_plan(
     package: Path,
 ) -> None:
