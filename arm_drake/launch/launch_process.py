@@ -659,6 +659,10 @@ def _launch(run: LaunchRun, request: Mapping[str, Any]) -> dict[str, Any] | None
         return {"kind": "memory"}
     # A launch file is a program, which ends with whatever it likes.
     except BaseException as error:
+        files = run.context.files
+        if isinstance(error, RecursionError) and files and files[-1][-3:] != ".py":
+            text = "substitutions are nested too deeply"
+            return {"kind": "launch", "text": text, "file": files[-1], "line": None}
         text = f"{type(error).__name__}: {str(error)[:500]}"
         if isinstance(error, _RefusedError):
             text = str(error)
