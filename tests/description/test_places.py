@@ -70,6 +70,7 @@ def places_of(entry: Path) -> Places:
         ("ros2_control 'arm', joint 'weld'", 6),
         ("ros2_control 'arm', joint 'other'", 5),
         ("sensor 'front'", 14),
+        ("IMU 'front', linear_acceleration/z", 14),
     ],
 )
 def test_comments_and_joints_of_other_blocks_are_not_meant(tmp_path, where, line):
