@@ -174,6 +174,29 @@ def test_the_environment_is_that_of_a_shell_with_ros(
     assert names(ad.load_launch(path)) == ["/own/jazzy"]
 
 
+def test_all_names_of_a_module_can_be_imported(package: Path) -> None:
+    text = """
+from launch import LaunchDescription
+from launch.actions import *
+from launch.conditions import *
+from launch.event_handlers import *
+from launch.substitutions import *
+from launch_ros.actions import *
+
+def generate_launch_description():
+    node = Node(package="own", executable=LaunchConfiguration("name"))
+    is_false = IfCondition("false")
+    return LaunchDescription([
+        SetLaunchConfiguration("name", "main"), GroupAction([node]),
+        Node(package="own", executable="none", condition=is_false),
+        RegisterEventHandler(OnShutdown(on_shutdown=[])),
+    ])
+"""
+    path = write_launch(package, text, "stars.launch.py")
+
+    assert names(ad.load_launch(path)) == ["own/main"]
+
+
 def test_conditions_decide(package: Path) -> None:
     before = """
     def node(name, condition):
