@@ -299,7 +299,7 @@ class _Shapes:
                 mesh = inspector.maybe_get_hydroelastic_mesh(geometry)
                 if isinstance(mesh, TriangleSurfaceMesh):
                     X_BG = RigidTransform(inspector.GetPoseInFrame(geometry))
-                    parts.append(X_BG.multiply(_spread(mesh).T).T)
+                    parts.append(X_BG.multiply(spread(mesh).T).T)
             self._points[link] = np.vstack(parts)
 
     def at(
@@ -347,7 +347,11 @@ class _Shapes:
         return RigidTransform(body.CalcPose(self._context, frame))
 
 
-def _spread(mesh: TriangleSurfaceMesh) -> np.ndarray:
+# So many points are on a shape.
+_MOST_POINTS = 1_000_000
+
+
+def spread(mesh: TriangleSurfaceMesh) -> np.ndarray:
     """Return points on a surface that are at most a cell apart, shape (n, 3)."""
     corners = np.array(mesh.vertices())
     rows = np.array(
@@ -359,6 +363,9 @@ def _spread(mesh: TriangleSurfaceMesh) -> np.ndarray:
     )
     parts = [corners]
     counts = np.minimum(np.ceil(longest / _CELL).astype(int), _MOST_PARTS)
+    excess = 0.5 * np.sum(counts**2) / _MOST_POINTS
+    if excess > 1.0:  # It is as large as if millimetres were taken for metres.
+        counts = (counts / math.sqrt(excess)).astype(int)
     for count in np.unique(counts[counts > 1]):
         some = counts == count
         steps = range(count + 1)
