@@ -241,7 +241,7 @@ def test_a_folder_with_two_robots_names_them(package):
 
 def test_of_files_that_include_each_other_the_outermost_is_loaded(package):
     (package / "urdf" / "arm.urdf").rename(package / "urdf" / "a.urdf")
-    include = '<xacro:include filename="$(find {})/urdf/{}"/>'
+    include = '<xacro:include filename="$(find {})/urdf/{}" ns="a"/>'
     outer = include.format(package.name, "a.urdf") + "<!-- " + include + " -->"
     write(
         package / "urdf" / "b.xacro",

@@ -239,6 +239,8 @@ def _change(robot: Robot, name: str, value: float) -> Robot:
         known = robot.initial_positions
         if rest not in known:
             raise InputError(f"no joint {rest!r}; {suggest(rest, known)}")
+        if not math.isfinite(value):
+            raise InputError(f"expected a finite number, got {value:g}")
         return dc.replace(robot, initial_positions={**known, rest: value})
     raise InputError(f"unknown; {suggest(name, CHANGES)}")
 

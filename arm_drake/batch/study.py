@@ -36,7 +36,7 @@ from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.hardware.noise_and_delay import check_noise
 from arm_drake.manager.hardware_interfaces import find_hardware_interfaces
 from arm_drake.options import SimulationOptions
-from arm_drake.plant.payloads import check_link
+from arm_drake.plant.payloads import check_link, read_payload
 from arm_drake.rollout.rollout import Rollout
 from arm_drake.scene import (
     Value,
@@ -399,10 +399,13 @@ def _check(study: Study, fields: Mapping[str, Value]) -> None:
                 tried = [(place, points[0]), (place, points[-1])]
             case _:
                 tried = [(place, first[name])]
+        kind, _, rest = name.partition(".")
         for at, value in tried:
             try:
-                if name.partition(".")[0] in ("scale", "gains", "controller"):
+                if kind in ("controller", "gains", "initial", "scale"):
                     change_robot(robot, {name: value})
+                elif kind == "payload":
+                    read_payload(rest, value)
                 else:
                     study.run_of({name: value})
             except (ArmDrakeError, TypeError) as error:

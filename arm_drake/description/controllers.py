@@ -364,11 +364,12 @@ def load_controllers(
     """Return what controllers YAML files configure; a later one overrides."""
     reader = ParameterReader(variables, report, packages)
     sections = [section for file in files for section in reader.read(file)]
-    if namespace.strip("/"):
-        sections = _without_others(sections, f"/{namespace.strip('/')}")
     if not any(section.name == MANAGER for section in sections):
         sections = [_renamed(section, manager) for section in sections]
     namespaces = _namespaces(sections)
+    own = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
+    if own and _has_manager(own, sections, report):
+        sections, namespaces = _without_others(sections, own), [own]
     nodes = Nodes(sections, namespaces)
     managers = [
         ManagedControllers(ns, nodes, reader, packages, report) for ns in namespaces
@@ -588,17 +589,36 @@ class ManagedControllers:
         self._report.add(severity, kind, what, done, where=where, at=parameter)
 
 
-def _without_others(sections: list[Section], namespace: str) -> list[Section]:
-    """Leave out what is for nodes of other name spaces, if this one has a manager.
+def _has_manager(
+    namespace: str, sections: Iterable[Section], report: LoadReport
+) -> bool:
+    """Return whether a name space has a manager; it may be one without any."""
+    managers = [section for section in sections if section.name == MANAGER]
+    if not managers:
+        return False
+    if any(not s.namespace or s.matches(f"{namespace}/{MANAGER}") for s in managers):
+        return True
+    hint = suggest(namespace, [section.namespace for section in managers])
+    what, done = f"no {MANAGER} of name space {namespace!r}; {hint}", "all are taken"
+    report.add("warning", "missing", what, done, at=managers[0])
+    return False
 
-    Robots may share a file. What has no name space is taken for any.
+
+def _without_others(sections: list[Section], namespace: str) -> list[Section]:
+    """Leave out what is for nodes of other name spaces.
+
+    Robots may share a file. What has no name space is taken for any, unless a manager
+    without one stands beside that of the name space: then it is for another robot.
     """
-    if not any(section.matches(f"{namespace}/{MANAGER}") for section in sections):
-        return sections
+    managers = [section for section in sections if section.name == MANAGER]
+    is_any = not (
+        any(not each.namespace for each in managers)
+        and any(each.matches(f"{namespace}/{MANAGER}") for each in managers)
+    )
     return [
         section
         for section in sections
-        if not section.namespace
+        if (is_any and not section.namespace)
         or section.matches(f"{namespace}/{section.name.replace('*', '_')}")
     ]
 

@@ -105,7 +105,7 @@ def explain_malformed(text: str, reason: str, line: int) -> str:
     if len(shown) > _MAX_SHOWN:
         shown = f"{shown[:_MAX_SHOWN]}..."
     inside = f", inside {around}" if waiting else ""
-    return f"malformed XML: {reason}{inside}: {shown!r}"
+    return f"malformed XML: {reason}{inside}" + (f": {shown!r}" if shown else "")
 
 
 def free_name(name: str, is_taken: Callable[[str], bool]) -> str:

@@ -111,7 +111,9 @@ _FOLDER_SUFFIXES = ("_description", "_descriptions", "_support")
 # Tags of a xacro file: a robot's name, what it includes, macros without content, calls
 # of macros.
 _NAME = re.compile(r"<xacro:attribute\s[^<>]*\bname\s*=\s*['\"]name['\"]")
-_INCLUDED = re.compile(r"<xacro:include\s[^<>]*[\"'/]([^\"'/<>]+)[\"']\s*/?>")
+_INCLUDED = re.compile(
+    r"<xacro:include\s[^<>]*?\bfilename\s*=\s*(?:\"([^\"<>]*)\"|'([^'<>]*)')"
+)
 _EMPTY_MACRO = re.compile(r"<xacro:macro\b[^<>]*/>")
 _CALL = re.compile(
     r"<xacro:(?!(arg|attribute|element|else|if|include|insert_block|macro|property"
@@ -208,12 +210,11 @@ def _entry_in_folder(folder: Path) -> Path:
 
 def _without_included(paths: list[Path]) -> list[Path]:
     """Return the files that none of the others includes; all, if each is included."""
-    included = {
-        name
-        for path in paths
-        for name in _INCLUDED.findall(_without(text_of(path), "<!--", "-->"))
-        if name != path.name
-    }
+    included = set()
+    for path in paths:
+        text = _without(text_of(path), "<!--", "-->")
+        names = ("".join(each) for each in _INCLUDED.findall(text))
+        included |= {name.rpartition("/")[2] for name in names} - {path.name}
     return [path for path in paths if path.name not in included] or paths
 
 

@@ -231,7 +231,8 @@ def _named_elements(root: ET.Element) -> Iterator[tuple[str, ET.Element]]:
                 yield f"{name}, {child.tag} '{child.get('name', '')}'", child
             elif element.tag == "link":
                 yield f"{name}, {child.tag} {number}", child
-        for tag in ("material", "sensor"):
-            if element.tag != "ros2_control":
-                for each in element.iter(tag):
-                    yield f"{tag} '{each.get('name', '')}'", each
+        if element.tag == "ros2_control":
+            continue
+        for tag, title in (("material",) * 2, ("sensor",) * 2, ("sensor", "IMU")):
+            for each in element.iter(tag):
+                yield f"{title} '{each.get('name', '')}'", each

@@ -161,6 +161,8 @@ def _open_regular(path: Path) -> Any:
 CPU_TIME = 10
 MEMORY = 2**30
 
+_DECLARATION = re.compile(r"\s+<\?xml\b.*?\?>", re.DOTALL)
+
 # More than any robot has: a file of this size is no description [bytes].
 MAX_SIZE = 64 * 2**20
 
@@ -291,8 +293,10 @@ def _read(path: Path) -> str:
         text = content.decode("utf-16" if is_wide else "utf-8-sig")
     except UnicodeDecodeError:
         text = content.decode("latin-1")
-    # Nothing may stand before an XML declaration, and something often does.
-    return text.lstrip() if text.lstrip().startswith("<?xml") else text
+    # Nothing may stand before an XML declaration, and something often does; without
+    # it the lines stay what they are.
+    found = _DECLARATION.match(text)
+    return text if found is None else "\n" * found[0].count("\n") + text[found.end() :]
 
 
 def _explain(

@@ -353,6 +353,10 @@ def read_launch_file(path: Path) -> LaunchDescription:
         return _read_data(path, path.read_text(encoding="utf-8"))
     except PackageNotFoundError:
         raise
+    except RecursionError:
+        if path.suffix == ".py":
+            raise
+        raise LaunchError(f"{path}: elements are nested too deeply") from None
     except LaunchError as error:
         if str(path) in str(error):
             raise

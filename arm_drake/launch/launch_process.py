@@ -63,10 +63,26 @@ def _public(module: types.ModuleType) -> dict[str, Any]:
     }
 
 
+def _is_class(value: Any) -> bool:
+    return isinstance(value, type)
+
+
+# Where the names are that `import *` takes from modules called so.
+_OF_MODULES = {
+    "actions": actions,
+    "conditions": substitutions,
+    "event_handlers": event_handlers,
+    "substitutions": substitutions,
+}
+
+
 class _Launch(types.ModuleType):
     """Module `launch` or one below it: knows all names of all of them."""
 
     def __getattr__(self, name: str) -> Any:
+        last = self.__name__.rpartition(".")[2]
+        if name == "__all__" and last in _OF_MODULES:
+            return [k for k, v in _public(_OF_MODULES[last]).items() if _is_class(v)]
         if name.startswith("__"):
             raise AttributeError(name)
         aliases = {
@@ -78,7 +94,7 @@ class _Launch(types.ModuleType):
         }
         modules = (substitutions, actions, event_handlers, parameters)
         known = {k: v for each in modules for k, v in _public(each).items()}
-        known = {k: v for k, v in known.items() if isinstance(v, type)}
+        known = {k: v for k, v in known.items() if _is_class(v)}
         if name in aliases or name in known:
             return known[aliases.get(name, name)]
         if name.endswith("LaunchDescriptionSource"):
@@ -659,6 +675,10 @@ def _launch(run: LaunchRun, request: Mapping[str, Any]) -> dict[str, Any] | None
         return {"kind": "memory"}
     # A launch file is a program, which ends with whatever it likes.
     except BaseException as error:
+        files = run.context.files
+        if isinstance(error, RecursionError) and files and files[-1][-3:] != ".py":
+            text = "substitutions are nested too deeply"
+            return {"kind": "launch", "text": text, "file": files[-1], "line": None}
         text = f"{type(error).__name__}: {str(error)[:500]}"
         if isinstance(error, _RefusedError):
             text = str(error)

@@ -1,6 +1,7 @@
 """Robots of a launch file: where each is described, what controls it, its place."""
 
 import dataclasses as dc
+import difflib
 import re
 import shutil
 import tempfile
@@ -270,21 +271,31 @@ class LaunchedRobot:
 
 
 def _without_idle(robot: Robot, spawned: Collection[str]) -> Robot:
-    """Leave out what can't run and nothing spawns; ROS never loads it."""
+    """Leave out what can't run and nothing spawns; ROS never loads it.
+
+    Why it can't is told, but is no error. What a misspelt spawner may mean stays.
+    """
 
     def has(controller: ControllerConfig, entry: ReportEntry) -> bool:
         return f"{entry.where}.".startswith(f"{controller.name}.")
 
     report, config = robot.report, robot.controllers
+    names = [each.name for each in config.controllers]
+    meant = {*spawned}
+    for name in meant.difference(names):
+        meant.update(difflib.get_close_matches(name, names, n=1))
     lost = [
         each
         for each in config.controllers
-        if not (each.plugins or each.name in spawned)
+        if not (each.plugins or each.name in meant)
         and any(has(each, entry) for entry in report.errors)
     ]
     if not lost:
         return robot
-    others = LoadReport(e for e in report if not any(has(each, e) for each in lost))
+    others = LoadReport(
+        dc.replace(e, severity="info") if any(has(each, e) for each in lost) else e
+        for e in report
+    )
     what = f"no spawner loads {', '.join(each.name for each in lost)}"
     done = "they are left out: they can't run here"
     others.add("info", "ignored", what, done, file=lost[0].file)

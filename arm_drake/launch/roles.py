@@ -8,7 +8,6 @@ import dataclasses as dc
 import functools
 import os
 import re
-import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -53,6 +52,9 @@ _TOPIC, _MANAGER = "robot_description", "controller_manager"
 # Folder, below that of a plan, of packages that are stood for.
 STOOD_FOR = "stood_for"
 
+
+# So much of a command is shown that isn't run.
+_MAX_NAME = 200
 
 # States of controllers that load_controller and others are asked for.
 _STATES = {"start": "active", "active": "active", "configure": "inactive"}
@@ -379,7 +381,8 @@ class Roles:
         self._parts.semantics.append((record["namespace"], srdf))
 
     def _leave_out(self, name: str, kind: str) -> None:
-        name = textwrap.shorten(name, 200, placeholder=" ...")
+        name = " ".join(name.split())
+        name = name if len(name) <= _MAX_NAME else f"{name[:_MAX_NAME]} ..."
         self._not_started.append(NotStarted(name, kind))
 
     def _describe(

@@ -299,7 +299,7 @@ class _Shapes:
                 mesh = inspector.maybe_get_hydroelastic_mesh(geometry)
                 if isinstance(mesh, TriangleSurfaceMesh):
                     X_BG = RigidTransform(inspector.GetPoseInFrame(geometry))
-                    parts.append(X_BG.multiply(_spread(mesh).T).T)
+                    parts.append(X_BG.multiply(spread(mesh).T).T)
             self._points[link] = np.vstack(parts)
 
     def at(
@@ -315,7 +315,7 @@ class _Shapes:
         for link in links:
             points = self._points.get(link)
             if points is not None and len(points) and link not in self._few:
-                self._few[link] = np.vstack([_thin(points), hull_corners(points)])
+                self._few[link] = np.vstack([thin(points), hull_corners(points)])
         return self._place(self._few, links, palm, positions)
 
     def _place(
@@ -347,7 +347,11 @@ class _Shapes:
         return RigidTransform(body.CalcPose(self._context, frame))
 
 
-def _spread(mesh: TriangleSurfaceMesh) -> np.ndarray:
+# So many points are on a shape.
+_MOST_POINTS = 1_000_000
+
+
+def spread(mesh: TriangleSurfaceMesh) -> np.ndarray:
     """Return points on a surface that are at most a cell apart, shape (n, 3)."""
     corners = np.array(mesh.vertices())
     rows = np.array(
@@ -359,6 +363,9 @@ def _spread(mesh: TriangleSurfaceMesh) -> np.ndarray:
     )
     parts = [corners]
     counts = np.minimum(np.ceil(longest / _CELL).astype(int), _MOST_PARTS)
+    excess = 0.5 * np.sum(counts**2) / _MOST_POINTS
+    if excess > 1.0:  # It is as large as if millimetres were taken for metres.
+        counts = (counts / math.sqrt(excess)).astype(int)
     for count in np.unique(counts[counts > 1]):
         some = counts == count
         steps = range(count + 1)
@@ -369,12 +376,17 @@ def _spread(mesh: TriangleSurfaceMesh) -> np.ndarray:
     return np.vstack(parts)
 
 
-def _thin(points: np.ndarray) -> np.ndarray:
+# So many can be numbered.
+_MOST_CUBES = 2.0**62
+
+
+def thin(points: np.ndarray) -> np.ndarray:
     """Return one point of each cube with an edge of half a cell, shape (m, 3)."""
-    cubes = np.floor(points / (0.5 * _CELL)).astype(np.int64)
-    cubes -= cubes.min(axis=0)
-    sizes = cubes.max(axis=0) + 1
-    numbers = np.ravel_multi_index(tuple(cubes.T), tuple(sizes))
+    cubes = np.floor((points - points.min(axis=0)) / (0.5 * _CELL))
+    sizes = cubes.max(axis=0) + 1.0
+    if np.prod(sizes) > _MOST_CUBES:  # They are kilometres apart.
+        return points
+    numbers = np.ravel_multi_index(tuple(cubes.T.astype(int)), tuple(sizes.astype(int)))
     return np.asarray(points[np.unique(numbers, return_index=True)[1]])
 
 

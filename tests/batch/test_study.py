@@ -151,6 +151,16 @@ def test_the_command_runs_it_writes_and_goes_on(folder, capsys, monkeypatch) -> 
             "vary.options.state_delay.values[0]: state_delay: expected an integer of",
         ),
         (
+            "uniform: [0.0, 0.5]",
+            "values: [1.0, -1.0]",
+            "vary.payload.lower.values[1]: mass: expected at least 0 kg, got -1.0",
+        ),
+        (
+            "normal: [0.0, 0.1]",
+            "values: [1.0, .inf]",
+            "vary.initial.elbow.values[1]: changes: initial.elbow: expected a finite",
+        ),
+        (
             "scale.damping: {values: [1.0, 3.0]}",
             "options.state_delay: {values: [1, 2, -1]}",
             "vary.options.state_delay.values[2]: state_delay must be 0 to",

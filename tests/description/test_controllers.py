@@ -1072,14 +1072,69 @@ def test_of_a_name_space_only_its_own_manager_counts(tmp_path, namespace, names,
 
 
 def test_a_name_space_without_a_manager_of_its_own_takes_them_all(load, tmp_path):
-    _, lines = load(TWO)
+    load(TWO)
+    report = LoadReport()
+
+    config = load_controllers([tmp_path / "0.yaml"], {}, report, namespace="lef")
+
+    assert len(config.controllers) == 5
+    lines = str(report).splitlines()
+    assert FURTHER in [line.replace(f"{tmp_path}/", "") for line in lines]
+    told = (
+        f"warning: {tmp_path}/0.yaml:2: no controller_manager of name space '/lef'; "
+        "did you mean '/left'? known: /left, /right; all are taken"
+    )
+    assert told in lines
+
+
+ROOT = """\
+robot_manager:
+  ros__parameters: {update_rate: 100, hold: {type: a/B}}
+hold:
+  ros__parameters: {of: root}
+/right/robot_manager:
+  ros__parameters: {update_rate: 50, hold: {type: c/D}}
+/right/hold:
+  ros__parameters: {of: right}
+"""
+
+WILD = """\
+/*/controller_manager:
+  ros__parameters: {update_rate: 100, hold: {type: a/B}}
+/*/hold:
+  ros__parameters: {of: all}
+/right/*:
+  ros__parameters: {at: right}
+/left/**:
+  ros__parameters: {at: left}
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "namespace", "rate", "hold"),
+    [
+        # Of a manager without name space there is one for every robot but "right".
+        (ROOT, "left", 100, {"of": "root"}),
+        (ROOT, "right", 50, {"of": "right"}),
+        (WILD, "left", 100, {"of": "all", "at": "left"}),
+        (WILD, "right", 100, {"of": "all", "at": "right"}),
+    ],
+)
+def test_name_spaces_beside_none_and_with_wildcards(
+    tmp_path, text, namespace, rate, hold
+):
+    file = tmp_path / "a.yaml"
+    file.write_text(text, encoding="utf-8")
+    report = LoadReport()
 
     config = load_controllers(
-        [tmp_path / "0.yaml"], {}, LoadReport(), namespace="other"
+        [file], {}, report, namespace=namespace, manager="robot_manager"
     )
 
-    assert FURTHER in lines
-    assert len(config.controllers) == 5
+    (found,) = config.controllers
+    values = {key: each.value for key, each in found.parameters.items()}
+    assert (config.update_rate, values) == (rate, hold)
+    assert not report
 
 
 def test_controllers_of_several_managers_are_all_taken(load):

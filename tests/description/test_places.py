@@ -7,6 +7,7 @@ import pytest
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import Places
 from arm_drake.description.xacro import expand_xacro
+from arm_drake.errors import DescriptionError
 
 ENTRY = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
   <xacro:include filename="part.xacro"/>
@@ -69,6 +70,7 @@ def places_of(entry: Path) -> Places:
         ("ros2_control 'arm', joint 'weld'", 6),
         ("ros2_control 'arm', joint 'other'", 5),
         ("sensor 'front'", 14),
+        ("IMU 'front', linear_acceleration/z", 14),
     ],
 )
 def test_comments_and_joints_of_other_blocks_are_not_meant(tmp_path, where, line):
@@ -103,6 +105,21 @@ def test_a_place_is_found_in_the_file_that_makes_it(tmp_path, where, expected):
     found = places_of(tmp_path / "entry.xacro").find(where)
 
     assert (found and (found[0].name, found[1])) == expected
+
+
+@pytest.mark.parametrize("name", ["entry.urdf", "entry.xacro"])
+def test_lines_before_a_declaration_count(tmp_path, name):
+    file = tmp_path / name
+    declaration = '\n\n<?xml version="1.0"\n  encoding="utf-8"?>'
+    if name == "entry.urdf":
+        file.write_text(declaration + PLAIN, encoding="utf-8")
+
+        assert places_of(file).find("link 'tip'") == (file, 18)
+    else:
+        file.write_text(declaration + ENTRY, encoding="utf-8")
+        told = "XML or text declaration not at start of entity"
+        with pytest.raises(DescriptionError, match=f":3: malformed XML: {told}$"):
+            places_of(file)
 
 
 def test_a_text_has_no_places():

@@ -78,6 +78,10 @@ def test_what_is_wrong_with_a_file_is_reported_with_its_place(
         ("<launch><log message=\"$(command 'ls')\"/></launch>", "'ls' is not run"),
         ("<launch><include file='nowhere'/></launch>", "no such file"),
         ("<launch><include file='$(filename)'/></launch>", "contain each other"),
+        (
+            f"<launch><let name='a' value='{'$(var ' * 500}a{')' * 500}'/></launch>",
+            "xml: substitutions are nested too deeply",
+        ),
     ],
 )
 def test_what_is_wrong_in_xml_is_reported(
@@ -98,6 +102,7 @@ def test_what_is_wrong_in_xml_is_reported(
         ("launch:\n- log: {}\n- 5", ":3: launch: expected a mapping, got 5"),
         ("launch:\n- arg: {name: a}\n- nod: {a: 1}", ":3: unknown <nod>; known:"),
         ("launch:\n- log: {message: $(var x)}", ":2: launch configuration 'x' does no"),
+        ("launch: &a\n- group: *a", "yaml: elements are nested too deeply"),
     ],
 )
 def test_what_is_wrong_in_yaml_is_reported(

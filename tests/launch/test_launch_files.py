@@ -85,12 +85,21 @@ def test_what_is_not_spawned_and_can_not_run_is_left_out(package: Path) -> None:
     known = [each.name for each in robot.controllers.controllers]
     assert known == ["joint_state_broadcaster", "arm_controller"]
     assert "no spawner loads own, forward; they are left out" in str(robot.report)
+    (reason,) = [entry for entry in robot.report if entry.where == "forward"]
+    assert ("no joint 'gone'" in reason.what, reason.severity) == (True, "info")
     path = describe(package, 'publisher(), manager(), spawner("forward"),')
     (robot,) = ad.load_launch(path).load_scene().robots
     (error,) = robot.report.errors
     assert (error.where, "no joint 'gone'" in error.what) == ("forward", True)
+    path = describe(package, 'publisher(), manager(), spawner("foward"),')
+    plan = ad.load_launch(path)
+    (robot,) = plan.load_scene().robots
+    assert [each.where for each in robot.report.errors] == ["forward"]
+    assert "'foward' is spawned but has no parameters" in str(plan.report)
+    assert "did you mean 'forward'?" in str(plan.report)
 
 
+@pytest.mark.slow
 def test_a_controller_without_parameters_is_reported(package: Path) -> None:
     path = describe(package, "publisher(), manager(), spawner('arm_controler'),")
     plan = ad.load_launch(path)
@@ -163,6 +172,29 @@ def test_the_environment_is_that_of_a_shell_with_ros(
     )
 
     assert names(ad.load_launch(path)) == ["/own/jazzy"]
+
+
+def test_all_names_of_a_module_can_be_imported(package: Path) -> None:
+    text = """
+from launch import LaunchDescription
+from launch.actions import *
+from launch.conditions import *
+from launch.event_handlers import *
+from launch.substitutions import *
+from launch_ros.actions import *
+
+def generate_launch_description():
+    node = Node(package="own", executable=LaunchConfiguration("name"))
+    is_false = IfCondition("false")
+    return LaunchDescription([
+        SetLaunchConfiguration("name", "main"), GroupAction([node]),
+        Node(package="own", executable="none", condition=is_false),
+        RegisterEventHandler(OnShutdown(on_shutdown=[])),
+    ])
+"""
+    path = write_launch(package, text, "stars.launch.py")
+
+    assert names(ad.load_launch(path)) == ["own/main"]
 
 
 def test_conditions_decide(package: Path) -> None:
@@ -573,6 +605,14 @@ def test_a_process_that_is_not_run_is_reported_in_one_line(package: Path) -> Non
     (told,) = ad.load_launch(path).not_started
 
     assert str(told) == "not started: process sed -e s|a|b|g"
+
+
+def test_of_a_long_command_the_beginning_is_reported(package: Path) -> None:
+    path = describe(package, """ExecuteProcess(cmd=["own" + "x" * 1000]),""")
+
+    (told,) = ad.load_launch(path).not_started
+
+    assert str(told) == f"not started: process own{'x' * 197} ..."
 
 
 def test_files_of_parameters_are_rewritten_into_a_folder_of_the_plan(

@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 import functools
+import itertools
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydrake.geometry import Box, Convex, Sphere
+from pydrake.geometry import (
+    Box,
+    Convex,
+    Sphere,
+    SurfaceTriangle,
+    TriangleSurfaceMesh,
+)
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia
@@ -28,7 +35,7 @@ from arm_drake.manipulation.activities import (
 from arm_drake.manipulation.hand import Hand, PickOptions
 from arm_drake.manipulation.pick_and_place import placing
 from arm_drake.planning.grasps import find_grasps
-from arm_drake.planning.grippers import find_gripper
+from arm_drake.planning.grippers import find_gripper, spread, thin
 from arm_drake.planning.groups import find_group
 from arm_drake.planning.setting import PlanningError
 from arm_drake.simulation.motion_files import parse_motion
@@ -262,6 +269,22 @@ def test_points_of_a_gripper_are_close_to_each_other_and_bound_it(
     directions = np.random.default_rng(1).normal(size=(3, 200))
     bounds = (surface @ directions).max(axis=0)
     np.testing.assert_allclose((points @ directions).max(axis=0), bounds, atol=1e-9)
+
+
+@pytest.mark.parametrize(("size", "count"), [(1e-4, 1), (1.0, 8), (1e5, 8)])
+def test_few_points_are_of_things_of_any_size(size: float, count: int) -> None:
+    corners = size * np.array(list(itertools.product((0.1, 0.9), repeat=3)))
+
+    assert len(thin(corners)) == count
+
+
+def test_a_shape_in_millimetres_gets_no_more_points_than_memory_has() -> None:
+    corners = np.array([[0.0, 0.0, 0.0], [20.0, 0.0, 0.0], [0.0, 20.0, 0.0]])
+    triangles = [SurfaceTriangle(0, 1, 2)] * 2000
+
+    points = spread(TriangleSurfaceMesh(triangles, list(corners)))
+
+    assert 500_000 < len(points) < 1_500_000
 
 
 def add_nut(plant: MultibodyPlant, folder: Path) -> None:
