@@ -14,7 +14,11 @@ from arm_drake.description.controllers import (
 from arm_drake.description.entry import Source, configs_folder, text_of
 from arm_drake.description.packages import PackageFinder, package_name
 from arm_drake.description.parameters import Parameter
-from arm_drake.description.plugin_control import moving_plugins, plugin_joints
+from arm_drake.description.plugin_control import (
+    moving_plugins,
+    plugin_joints,
+    rolling_joints,
+)
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros_parameters import PARAMETERS
 from arm_drake.description.urdf import RobotDescription
@@ -197,6 +201,12 @@ def default_controllers(
         for joint in description.movable_joints
         if joint.mimic is None and joint.name not in moved
     ]
+    if rolling := rolling_joints(description):
+        what = (
+            f"no controller of {', '.join(rolling)} beside a plugin that moves a base"
+        )
+        done = "taken as wheels, which roll freely; a controllers YAML may hold them"
+        report.add("info", "missing", what, done, file=file)
     if not joints:
         return ControllerManagerConfig()
     parameters = {

@@ -403,6 +403,9 @@ def _vector_problem(typed: JointPlugin, *names: str) -> str | None:
     for name in names:
         if len(numbers := getattr(typed, name)) not in (0, 3):
             return f"{name}: expected three numbers, got {len(numbers)}"
+        for number in numbers:
+            if not math.isfinite(number):
+                return f"{name}: expected finite numbers, got {number:g}"
     return None
 
 

@@ -41,7 +41,12 @@ from arm_drake.description.gazebo_plugins import (
     VelocityControl,
     WheelDrive,
 )
-from arm_drake.description.joints import WORLD, JointInfo, JointLimits
+from arm_drake.description.joints import (
+    WORLD,
+    JointInfo,
+    JointLimits,
+    joints_above,
+)
 from arm_drake.description.parameters import Parameter
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros2_control import HardwareInfo
@@ -86,9 +91,24 @@ def moving_plugins(description: RobotDescription) -> tuple[JointPlugin, ...]:
 def plugin_joints(description: RobotDescription) -> frozenset[str]:
     """Return the joints that plugins move, and those that these follow.
 
-    Beside a plugin that moves a base, what turns without limits and isn't commanded is
-    a wheel that rolls freely; a controller that held it would be a brake.
+    Beside a plugin that moves a base, wheels that roll freely are among them; a
+    controller that held these would be a brake.
     """
+    moved = _commanded_joints(description)
+    return moved.union(_rolling_joints(description, moved))
+
+
+def rolling_joints(description: RobotDescription) -> tuple[str, ...]:
+    """Return the joints of wheels that roll freely beside a plugin that moves a base.
+
+    A wheel turns without limits, as do the casters that carry it. What carries other
+    joints, or hangs from a revolute one, is part of an arm.
+    """
+    return _rolling_joints(description, _commanded_joints(description))
+
+
+def _commanded_joints(description: RobotDescription) -> frozenset[str]:
+    """Return the joints that plugins command, and those that these follow."""
     movable = {joint.name: joint for joint in description.movable_joints}
     requested = {
         (name, interface_of(plugin, name))
@@ -96,12 +116,37 @@ def plugin_joints(description: RobotDescription) -> frozenset[str]:
         for name in _joints_of(plugin, movable)
     }
     names = {name for name, _ in requested}
-    if any(
-        isinstance(plugin, Driving | BaseHolder) for plugin in description.joint_plugins
-    ):
-        names |= {n for n, joint in movable.items() if joint.type == "continuous"}
     carriers = {find_carrier(movable, *key) for key in requested}
     return frozenset(names | {name for name in carriers if name is not None})
+
+
+def _rolling_joints(
+    description: RobotDescription, commanded: Collection[str]
+) -> tuple[str, ...]:
+    """Return the same, where plugins command some joints."""
+    if not any(isinstance(p, Driving | BaseHolder) for p in description.joint_plugins):
+        return ()
+    others = {
+        joint.name: joint
+        for joint in description.movable_joints
+        if joint.name not in commanded
+    }
+    of_arms = {
+        carrier.name
+        for joint in others.values()
+        if joint.type != "continuous"
+        for carrier in joints_above(description.joints, joint.parent)
+    }
+    return tuple(
+        name
+        for name, joint in others.items()
+        if joint.type == "continuous"
+        and name not in of_arms
+        and not any(
+            carrier.type == "revolute" and carrier.name in others
+            for carrier in joints_above(description.joints, joint.parent)
+        )
+    )
 
 
 def interface_of(plugin: JointPlugin, joint: str) -> str:

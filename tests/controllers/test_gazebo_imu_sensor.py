@@ -316,6 +316,16 @@ def noisy(folder: Path, inside: str, **options: object) -> np.ndarray:
     return np.array(rows) - [0.0, 0.0, 0.0, 0.0, 0.0, G]
 
 
+def test_a_deviation_whose_square_is_no_number_has_an_infinite_covariance(
+    tmp_path: Path,
+) -> None:
+    sim = lift(tmp_path, imu(noise("<stddev>1e300</stddev>"), reference="load"))
+
+    (message,) = samples(sim, LIFTED, 1)
+    assert message.linear_acceleration_covariance[8] == math.inf
+    assert np.isfinite(array(message.linear_acceleration)).all()
+
+
 @pytest.mark.slow
 def test_noise_has_its_mean_and_deviation_and_is_of_its_axis_alone(
     tmp_path: Path,

@@ -585,6 +585,18 @@ def test_an_initial_velocity_has_three_numbers():
     )
 
 
+def test_an_initial_velocity_is_finite():
+    found, lines = read("gz-sim-velocity-control-system", ("initial_linear", "0 inf 0"))
+
+    assert (found, lines) == (
+        (),
+        [
+            "error: arm.urdf: Gazebo plugin 'p': initial_linear: expected finite "
+            "numbers, got inf; the plugin is left out"
+        ],
+    )
+
+
 CLASSIC_ACKERMANN = "libgazebo_ros_ackermann_drive.so"
 PARTS = (
     *("front_right_joint", "front_left_joint", "rear_right_joint", "rear_left_joint"),

@@ -437,9 +437,42 @@ def test_a_steered_cart_has_its_topics_and_wheels_that_roll_freely(
     (row,) = sim.list_controllers()
     assert row.type == "gz::sim::systems::AckermannSteering"
     assert lines(robot) == [
+        rolling("front_left, front_right"),
         "info: : AckermannSteering has joints without an effort limit: left, right; "
-        "the limit is 19.6 N·m"
+        "the limit is 19.6 N·m",
     ]
+
+
+def rolling(joints: str) -> str:
+    return (
+        f"info: : no controller of {joints} beside a plugin that moves a base; taken "
+        "as wheels, which roll freely; a controllers YAML may hold them"
+    )
+
+
+# An arm whose first and last joints turn without limits, and a caster.
+ARM = "".join(
+    bob(f"{name}_link", "0.1 0 0") + joint(name, parent, f"{name}_link", type=type_)
+    for name, parent, type_ in (
+        ("shoulder", "base_link", "continuous"),
+        ("elbow", "shoulder_link", "revolute"),
+        ("wrist", "elbow_link", "continuous"),
+        ("swivel", "base_link", "continuous"),
+        ("caster_wheel", "swivel_link", "continuous"),
+    )
+)
+
+
+def test_an_arm_on_a_base_is_held_where_its_casters_roll(tmp_path: Path) -> None:
+    robot = load(tmp_path, cart(diff_drive(), ARM))
+
+    (held,) = (
+        controller.parameters["joints"].value
+        for controller in robot.controllers.controllers
+        if "joints" in controller.parameters
+    )
+    assert held == ["shoulder", "elbow", "wrist"]
+    assert rolling("swivel, caster_wheel") in lines(robot)
 
 
 def test_a_steered_cart_whose_steering_another_plugin_has_is_left_out(
@@ -476,7 +509,7 @@ def test_it_is_said_how_a_base_s_velocity_is_set(
 ) -> None:
     robot = load(tmp_path, cart(block))
 
-    assert lines(robot) == [expected]
+    assert lines(robot) == [rolling("left, right"), expected]
 
 
 def test_a_base_whose_velocity_is_set_takes_one_by_its_name(tmp_path: Path) -> None:

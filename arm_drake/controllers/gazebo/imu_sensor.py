@@ -218,7 +218,9 @@ class _NoiseModel:
 
 def _covariance(noise: tuple[Noise, ...]) -> tuple[float, ...]:
     """Return the covariance of three axes, row by row."""
-    return tuple(np.diag([each.stddev**2 for each in noise]).ravel().tolist())
+    # Unlike a power, a product that is too large is infinite.
+    variances = [each.stddev * each.stddev for each in noise]
+    return tuple(np.diag(variances).ravel().tolist())
 
 
 def _relative(reference: Array, orientation: Array) -> list[float]:
