@@ -317,7 +317,20 @@ class _FieldReader(ElementReader):
         if problem is not None:
             self.note("error", "invalid", problem, "the plugin is left out")
             return None
+        if isinstance(typed, WheelDrive):
+            self._report_crossed(typed)
         return typed
+
+    def _report_crossed(self, typed: WheelDrive) -> None:
+        """Report the limits of a drive whose minimum is above their maximum."""
+        for kind in ("velocity", "acceleration", "jerk"):
+            for name in (kind, f"linear_{kind}", f"angular_{kind}"):
+                low = getattr(typed, f"min_{name}", math.nan)
+                high = getattr(typed, f"max_{name}", math.nan)
+                if low > high:
+                    what = f"min_{name}: expected at most max_{name}, {high:g}, "
+                    what += f"got {low:g}"
+                    self.note("warning", "invalid", what, "the minimum holds")
 
     def _value(self, field: dc.Field[Any], entries: list[tuple[str, str]]) -> Any:
         """Return the value of a field, or None if its text is none."""

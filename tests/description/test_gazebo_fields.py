@@ -585,6 +585,20 @@ def test_an_initial_velocity_has_three_numbers():
     )
 
 
+@pytest.mark.parametrize("name", ["velocity", "linear_acceleration", "angular_jerk"])
+def test_a_minimum_above_its_maximum_is_reported(name):
+    limits = ((f"min_{name}", "2"), (f"max_{name}", "1"))
+    found, lines = read(
+        "gz-sim-diff-drive-system", ("left_joint", "j"), ("right_joint", "k"), *limits
+    )
+
+    assert len(found) == 1
+    assert lines == [
+        f"warning: arm.urdf: Gazebo plugin 'p': min_{name}: expected at most "
+        f"max_{name}, 1, got 2; the minimum holds"
+    ]
+
+
 def test_an_initial_velocity_is_finite():
     found, lines = read("gz-sim-velocity-control-system", ("initial_linear", "0 inf 0"))
 
