@@ -173,10 +173,12 @@ class Topic:
 def _is_same(value: Any, last: Any) -> bool:
     """Return whether a message is the last one, by its stamp, made once more.
 
-    Not everybody gives messages a stamp; without one each is new.
+    Not everybody gives messages a stamp; without one those that differ are new.
     """
     stamps = [getattr(getattr(v, "header", None), "stamp", None) for v in (value, last)]
-    return stamps[0] not in (None, Time()) and stamps[0] == stamps[1]
+    if stamps[0] is None or stamps[0] != stamps[1]:
+        return False
+    return stamps[0] != Time() or bool(value == last)
 
 
 class _LastCycle:

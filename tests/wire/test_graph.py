@@ -143,8 +143,10 @@ def test_sensors_that_share_a_topic_are_all_told_on_it() -> None:
 def test_a_message_with_the_stamp_of_the_last_one_is_told_once(
     seconds: float, told: int
 ) -> None:
+    positions = iter([1.0, 2.0, 3.0])
+
     def read(context: object) -> JointState:
-        return JointState(Header(seconds), ["a"], [1.0])
+        return JointState(Header(seconds), ["a"], [next(positions)])
 
     topic = Topic("/states", "sensor_msgs/msg/JointState", "someone", read=read)
     for tick in range(3):
