@@ -171,13 +171,11 @@ class Topic:
 
 
 def _is_same(value: Any, last: Any) -> bool:
-    """Return whether a message is the last one, by its stamp, made once more.
-
-    Not everybody gives messages a stamp; without one those that differ are new.
-    """
+    """Return whether a message is the last one, made once more: its stamp says so."""
     stamps = [getattr(getattr(v, "header", None), "stamp", None) for v in (value, last)]
     if stamps[0] is None or stamps[0] != stamps[1]:
         return False
+    # Not everybody gives messages a stamp.
     return stamps[0] != Time() or bool(value == last)
 
 
