@@ -137,11 +137,17 @@ def _likeness(name: str, other: str) -> float:
     return difflib.SequenceMatcher(None, other, name).ratio()
 
 
+def find_close(name: str, known: Iterable[str]) -> str | None:
+    """Return the known name that another one may mean, if there is any."""
+    close = difflib.get_close_matches(name, sorted(set(known)), n=1, cutoff=0.5)
+    return close[0] if close else None
+
+
 def suggest(name: str, known: Iterable[str]) -> str:
     """Return the end of a message about a name that isn't one of the known ones."""
     names = sorted(set(known))
-    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
-    hint = f"did you mean {close[0]!r}? " if close else ""
+    close = find_close(name, names)
+    hint = f"did you mean {close!r}? " if close is not None else ""
     if len(names) > _MAX_NAMES:
         names = sorted(names, key=lambda other: -_likeness(name, other))
     return f"{hint}known: {first_names(names, _MAX_NAMES) if names else 'none'}"

@@ -239,9 +239,17 @@ def _start(
         entry, bundled = next(iter(folders), Path.cwd()) / TEXT, None
     packages = PackageFinder(entry, folders, report)
     return _Loading(
-        *(entry, text, bundled, folders, packages, distro, name, types, report),
-        set(),
-        Places(),
+        entry,
+        text,
+        bundled,
+        folders,
+        packages,
+        distro,
+        name,
+        types,
+        report,
+        files=set(),
+        places=Places(),
     )
 
 

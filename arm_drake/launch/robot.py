@@ -1,7 +1,6 @@
 """Robots of a launch file: where each is described, what controls it, its place."""
 
 import dataclasses as dc
-import difflib
 import re
 import shutil
 import tempfile
@@ -21,7 +20,7 @@ from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport, ReportEntry
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.xacro import expand_xacro
-from arm_drake.errors import PackageError, suggest
+from arm_drake.errors import PackageError, find_close, suggest
 from arm_drake.launch.frames import Placed
 from arm_drake.loading import load_robot
 from arm_drake.manager.loading import load_controllers_of
@@ -282,8 +281,7 @@ def _without_idle(robot: Robot, spawned: Collection[str]) -> Robot:
     report, config = robot.report, robot.controllers
     names = [each.name for each in config.controllers]
     meant = {*spawned}
-    for name in meant.difference(names):
-        meant.update(difflib.get_close_matches(name, names, n=1))
+    meant.update(filter(None, (find_close(n, names) for n in meant.difference(names))))
     lost = [
         each
         for each in config.controllers

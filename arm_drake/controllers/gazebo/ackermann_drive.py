@@ -15,7 +15,7 @@ from pydrake.math import RigidTransform
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.control.odometry import PlanarPose, WheelOdometryState
-from arm_drake.controllers.bases.base import BaseFrames, Velocity, make_transform
+from arm_drake.controllers.bases.base import BaseFrames, Velocity
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import NEVER_NS, UpdateContext
 from arm_drake.controllers.gazebo.drive import (
@@ -24,6 +24,7 @@ from arm_drake.controllers.gazebo.drive import (
     GazeboDriveState,
     clamp,
     describe_base,
+    describe_frames,
     describe_wheels,
     planar_covariance,
 )
@@ -47,7 +48,6 @@ from arm_drake.messages import (
     NANOSECONDS,
     Float64,
     Odometry,
-    TFMessage,
     TransformStamped,
     Twist,
 )
@@ -356,7 +356,13 @@ class GazeboRosAckermannDrive(TopicController[ClassicAckermannState]):
         if tag.publish_distance:
             self._declare_topic(distance, lambda state: state.published_distance)
         if tag.publish_odom_tf or tag.publish_wheel_tf:
-            self._declare_topic(tf, self._describe_frames)
+            is_base = tag.publish_odom_tf
+            self._declare_topic(
+                tf,
+                lambda state: describe_frames(
+                    state.wheels, state.published if is_base else None
+                ),
+            )
         self._declare_events()
         self._frames = BaseFrames(tag.odometry_frame, tag.robot_base_frame)
         self._covariance = planar_covariance(
@@ -420,13 +426,6 @@ class GazeboRosAckermannDrive(TopicController[ClassicAckermannState]):
             published_distance=Float32(distance),
             wheels=shown,
         )
-
-    def _describe_frames(self, state: ClassicAckermannState) -> TFMessage:
-        """Return the topic /tf."""
-        frames = state.wheels
-        if self._tag.publish_odom_tf:
-            frames += make_transform(state.published).transforms
-        return TFMessage(frames)
 
     def _take_twist(
         self,

@@ -26,7 +26,6 @@ from arm_drake.controllers.bases.base import (
     BaseFrames,
     Velocity,
     make_odometry,
-    make_transform,
 )
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import (
@@ -40,6 +39,7 @@ from arm_drake.controllers.gazebo.drive import (
     GazeboDrive,
     GazeboDriveState,
     describe_base,
+    describe_frames,
     describe_wheels,
     planar_covariance,
 )
@@ -57,7 +57,6 @@ from arm_drake.messages import (
     NANOSECONDS,
     Bool,
     Odometry,
-    TFMessage,
     TransformStamped,
     Twist,
 )
@@ -349,7 +348,13 @@ class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
         if tag.publish_odom:
             self._declare_topic(odom, lambda state: state.published)
         if tag.publish_odom_tf or tag.publish_wheel_tf:
-            self._declare_topic(tf, self._describe_frames)
+            is_base = tag.publish_odom_tf
+            self._declare_topic(
+                tf,
+                lambda state: describe_frames(
+                    state.wheels, state.published if is_base else None
+                ),
+            )
         self._declare_events()
         self._frames = BaseFrames(tag.odometry_frame, tag.robot_base_frame)
         self._covariance = planar_covariance(
@@ -410,13 +415,6 @@ class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
             return []
         poses = self._links.Eval(now.context)
         return [poses[self.params.links.index(link)] for link in links]
-
-    def _describe_frames(self, state: ClassicDriveState) -> TFMessage:
-        """Return the topic /tf."""
-        frames = state.wheels
-        if self._tag.publish_odom_tf:
-            frames += make_transform(state.published).transforms
-        return TFMessage(frames)
 
     def _take_twist(
         self, state: ClassicDriveState, message: Twist, time_ns: int, obstacle: str

@@ -35,6 +35,7 @@ from arm_drake.messages import (
     Pose,
     PoseWithCovariance,
     Quaternion,
+    TFMessage,
     Transform,
     TransformStamped,
     Twist,
@@ -299,6 +300,14 @@ def describe_wheels(
         )
         for (parent, child), pose in zip(links, poses, strict=True)
     )
+
+
+def describe_frames(
+    wheels: tuple[TransformStamped, ...], odometry: Odometry | None
+) -> TFMessage:
+    """Return the topic /tf: wheels, and a base if its odometry is told there."""
+    base = () if odometry is None else make_transform(odometry).transforms
+    return TFMessage((*wheels, *base))
 
 
 def _to_transform(pose: RigidTransform) -> Transform:
