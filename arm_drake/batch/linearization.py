@@ -464,7 +464,11 @@ class _Numbers:
         self._ends = np.cumsum([0, *(size for _, size in groups)])
         names = [f"{name}[{i}]" for name, size in groups for i in range(size)]
         # An interface that nobody commands holds NaN: it says nothing of a motion.
-        self._discrete = np.flatnonzero(np.isfinite(_discrete_values(start)))
+        is_own = np.isfinite(_discrete_values(start))
+        # What the manager writes in numbers is of its state, which is changed itself.
+        written = [name for name, _ in groups].index(manager.get_name())
+        is_own[self._ends[written] : self._ends[written + 1]] = False
+        self._discrete = np.flatnonzero(is_own)
         self.names = [names[index] for index in self._discrete]
         state = manager.read_state(manager.GetMyContextFromRoot(start))
         own = {name for name, controller in _commanding(manager)}

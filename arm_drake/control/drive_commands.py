@@ -331,6 +331,34 @@ class DriveCommands:
             servo_input[i] = numbers[at]
         return servo_input, rates
 
+    def go_on_for(
+        self,
+        mode: DriveMode,
+        values: Array,
+        lasts: Sequence[float],
+        befores: Sequence[float],
+    ) -> tuple[Array, Array]:
+        """Return what `go_on` does for cycles in a row, to the bit.
+
+        `values` are of shape (T, k); returned are what the servo is told, shape (T, 2 n
+        or 7 n), and the rates, shape (T, n).
+        """
+        q = np.where(mode.is_position, values[:, mode.position_at], lasts)
+        if self._stops is not None:
+            q = np.clip(q, *self._stops)
+        rates = (q - _shift(q, lasts)) * mode.rate
+        before = _shift(rates, befores)
+        most = _GROWTH * before
+        v = np.where(before > 0.0, np.minimum(rates, most), np.maximum(rates, most))
+        v = np.where(rates * before > 0.0, v, 0.0)
+        if not self.has_modes:
+            return np.concatenate((q, v), axis=1), rates
+        others = np.tile((*self._still, *mode.flags), (len(values), 1))
+        servo_input = np.concatenate((q, v, others), axis=1)
+        for i, k in mode.others:
+            servo_input[:, i] = values[:, k]
+        return servo_input, rates
+
     def _write_anew(
         self,
         mode: DriveMode,
@@ -374,6 +402,13 @@ class DriveCommands:
                 rate,
             )
         )
+
+
+def _shift(rows: Array, first: Sequence[float]) -> Array:
+    """Return rows after a first one, without the last."""
+    shifted = np.empty_like(rows)
+    shifted[0], shifted[1:] = first, rows[:-1]
+    return shifted
 
 
 def _moves_freely(mode: DriveMode) -> Mask:

@@ -16,8 +16,8 @@ joint and [m] for a prismatic one, then per second and so on.
 
 import dataclasses as dc
 import math
-from bisect import bisect_right
-from collections.abc import Callable, Mapping
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final, Literal, NamedTuple, Self
 
 import numpy as np
@@ -443,6 +443,22 @@ class Positions:
         tau = (time_ns - begin_ns) / NANOSECONDS
         found: list[float] = _powers(tau, len(rows)).dot(rows).tolist()
         return found
+
+    def at_all(self, times_ns: Sequence[int]) -> Array:
+        """Return the positions at increasing times, shape (T, n), to the bit those."""
+        found, start = [], 0
+        while start < len(times_ns):
+            first = self.at(times_ns[start])
+            begin_ns, end_ns, rows, _ = self._stretch
+            end = bisect_left(times_ns, end_ns, start)
+            if rows is None:
+                found.append(np.tile(first, (end - start, 1)))
+            else:
+                tau = (np.array(times_ns[start:end]) - begin_ns) / NANOSECONDS
+                powers = np.array([_powers(time, len(rows)) for time in tau.tolist()])
+                found.append((powers[:, None] @ rows)[:, 0])
+            start = end
+        return np.concatenate(found)
 
     def _find(self, time_ns: int) -> tuple[int, float, Array | None, list[float]]:
         trajectory, times_ns = self._trajectory, self._trajectory.times_ns

@@ -354,7 +354,7 @@ class TickReader(ControllerInterface, Generic[S]):
         super().__init__(params, **names)
         # At most one port with the values of all command interfaces, and where those of
         # this one stand there.
-        self._values: list[InputPort] = []
+        self._values: list[tuple[InputPort, int]] = []
         self._values_at: list[tuple[int, int]] = []
         # Of each controller that may command references: its port, and where its
         # commands stand among them.
@@ -366,11 +366,16 @@ class TickReader(ControllerInterface, Generic[S]):
         make = KeptTicks if params.is_managed else OwnTicks
         self._ticks: KeptTicks[S] = make(self, params, self.first_result)
 
-    def add_command_values(self, order: Sequence[str]) -> InputPort:
-        """Declare the port of what all command interfaces hold, in an order."""
+    def add_command_values(
+        self, order: Sequence[str], start: int = 0, size: int | None = None
+    ) -> InputPort:
+        """Declare the port of what all command interfaces hold, in an order.
+
+        They start at a place of a vector of a size; None is that of the order.
+        """
         at = {name: index for index, name in enumerate(order)}
-        port = self.DeclareVectorInputPort(interfaces.VALUES_PORT, len(order))
-        self._values.append(port)
+        port = self.DeclareVectorInputPort(interfaces.VALUES_PORT, size or len(order))
+        self._values.append((port, start))
         self._values_at.extend(
             (i, at[n]) for i, n in enumerate(self.command_interfaces) if n in at
         )
@@ -410,13 +415,14 @@ class TickReader(ControllerInterface, Generic[S]):
         """
         _, last = self._ticks.at(now.context, now.cycle)
         values = np.array(last.command)
-        for port in self._values:
+        for port, start in self._values:
             present = now.cycle.commands
             if present is None:
                 hardware = now.hardware_values
-                present = (
-                    port.Eval(now.context) if hardware is None else hardware.values
-                )
+                if hardware is None:
+                    present = port.Eval(now.context)[start:]
+                else:
+                    present = hardware.values
             for i, at in self._values_at:
                 values[i] = present[at]
         return values

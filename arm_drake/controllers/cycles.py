@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, Generic, NamedTuple, Protocol, Self, TypeVar
 
+import numpy as np
 from pydrake.systems.framework import Context, InputPort
 
 from arm_drake.arrays import Array
@@ -116,6 +117,13 @@ class SteadyTicks(Protocol[S_co]):
         puts what this one leaves, unless it returns None.
         """
 
+    def commands_ahead(self, times_ns: Sequence[int]) -> Array | None:
+        """Return what ticks command at times, a row for each, to the bit.
+
+        That is of as many of the first as follow from the state alone, at least of one;
+        None where what is measured counts.
+        """
+
     def state(self, time_ns: int, motions: Array, memory: Sequence[float]) -> S_co:
         """Return the state that this tick leaves behind."""
 
@@ -132,6 +140,11 @@ class SilentTicks:
     def report(self, time_ns: int, last_ns: int, motions: Array) -> None:
         """Return None, for there is nothing to tell."""
         del time_ns, last_ns, motions
+        return None
+
+    def commands_ahead(self, times_ns: Sequence[int]) -> Array | None:
+        """Return None, for what is measured counts."""
+        del times_ns
         return None
 
 
@@ -156,6 +169,10 @@ class SteadyCommand(SilentTicks, Generic[S]):
         """Return the values that a tick commands."""
         del time_ns, motions, memory
         return self._command
+
+    def commands_ahead(self, times_ns: Sequence[int]) -> Array:
+        """Return the same at all times."""
+        return np.tile(np.array(self._command), (len(times_ns), 1))
 
     def state(self, time_ns: int, motions: Array, memory: Sequence[float]) -> S:
         """Return the state that a tick leaves behind."""

@@ -247,6 +247,11 @@ class _SteadyFilters(SteadyBroadcast[ForceTorqueSensorBroadcasterState]):
         memory[:] = _to_numbers(filters)
         return ()
 
+    def commands_ahead(self, times_ns: Sequence[int]) -> None:
+        """Return None, for the wrench counts."""
+        del times_ns
+        return None
+
     def state(
         self, time_ns: int, motions: Array, memory: Sequence[float]
     ) -> ForceTorqueSensorBroadcasterState:

@@ -328,6 +328,11 @@ class _SteadyPose(SteadyBroadcast[PoseBroadcasterState]):
         del time_ns, memory
         return () if is_valid(self._values(motions).tolist()) else None
 
+    def commands_ahead(self, times_ns: Sequence[int]) -> None:
+        """Return None, for the pose counts."""
+        del times_ns
+        return None
+
 
 def is_valid(pose: Sequence[float]) -> bool:
     """Return whether a pose may go to /tf; `pose` shape (7,)."""

@@ -16,6 +16,7 @@ from typing import (
     TypeVar,
 )
 
+import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, InputPort
 
@@ -337,6 +338,10 @@ class SteadyBroadcast(SilentTicks, Generic[S]):
         """Return no values, for it commands nothing."""
         del time_ns, motions, memory
         return ()
+
+    def commands_ahead(self, times_ns: Sequence[int]) -> Array | None:
+        """Return no values at all times."""
+        return np.empty((len(times_ns), 0))
 
     def state(self, time_ns: int, motions: Array, memory: Sequence[float]) -> S:
         """Return what a tick publishes."""

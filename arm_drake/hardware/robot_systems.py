@@ -18,17 +18,16 @@ from arm_drake.hardware.hardware import Hardware
 from arm_drake.hardware.wiring import Wiring
 from arm_drake.manager import (
     MANAGER,
-    REMEMBERED_PORT,
+    NUMBERS_PORT,
     STORED_PORT,
     SWITCH_PORT,
     ControllerManager,
 )
 from arm_drake.manager.connections import (
+    COMMAND_LOG,
     SampledStates,
     connect_chains,
     export_topics,
-    log_name,
-    reference_joints,
 )
 from arm_drake.manager.hardware_interfaces import (
     HardwareInterfaces,
@@ -144,14 +143,11 @@ class RobotSystems:
             self._add_controller(name, system, hardware, everything)
             manager.add_controller(builder, system)
         connect_chains(builder, systems.values())
-        self._log_references(manager, systems)
         export_topics(builder, systems, prefix, report)
         if controllers:
             switch = manager.GetInputPort(SWITCH_PORT)
             builder.ExportInput(switch, f"{prefix}{MANAGER}.{SWITCH_PORT}")
         builder.ExportOutput(hardware.recorded, f"{prefix}joint_states")
-        for name in (interfaces.VALUES_PORT, "active"):
-            self._log(manager.GetOutputPort(name), name, self.period)
 
     def _report_rate(self, report: LoadReport) -> None:
         """Report a manager whose cycles don't come at its rate."""
@@ -163,14 +159,26 @@ class RobotSystems:
             report.add("warning", "repair", what, done, where=MANAGER, file=file)
 
     def _connect(self, manager: ControllerManager, hardware: Hardware) -> None:
-        """Connect the manager with the hardware."""
-        for port, name in (
-            (hardware.command, "drive"),
-            (hardware.values, interfaces.VALUES_PORT),
-            (hardware.claimed, interfaces.CLAIMED_PORT),
+        """Connect the manager with the hardware, and log what it commands."""
+        rows: dict[str, Sequence[int]] = {"log": manager.logged.rows}
+        numbers = manager.numbers
+        targets = {"drive": hardware.command, interfaces.VALUES_PORT: hardware.values}
+        for name, part in (
+            ("drive", numbers.servo),
+            (interfaces.VALUES_PORT, numbers.values),
         ):
-            if port is not None:
-                self.builder.Connect(manager.GetOutputPort(name), port)
+            if targets[name] is not None:
+                rows[name] = range(part.start, part.stop)
+        # One system for all: each costs something in each step.
+        written = Wiring(self.builder).pick_all(
+            f"{self.prefix}commands", rows, manager.GetOutputPort(NUMBERS_PORT)
+        )
+        self._log(written.pop("log"), COMMAND_LOG, self.period)
+        for name, port in written.items():
+            self.builder.Connect(port, targets[name])
+        if hardware.claimed is not None:
+            claimed = manager.GetOutputPort(interfaces.CLAIMED_PORT)
+            self.builder.Connect(claimed, hardware.claimed)
         for state, name in (
             (hardware.joint_states, interfaces.STATE_PORT),
             (hardware.joint_motions, interfaces.MOTIONS_PORT),
@@ -278,18 +286,6 @@ class RobotSystems:
         sample = self.builder.AddNamedSystem(name, ZeroOrderHold(period, states.size()))
         self.builder.Connect(states, sample.get_input_port())
         return sample.get_output_port()
-
-    def _log_references(
-        self, manager: ControllerManager, systems: Mapping[str, ControllerInterface]
-    ) -> None:
-        """Record the references of controllers that command no positions."""
-        for controller, system in systems.items():
-            if joints := reference_joints(system):
-                name, remembered = log_name(controller), manager.remembered(controller)
-                port = manager.GetOutputPort(REMEMBERED_PORT)
-                rows = remembered[-len(joints) :]
-                picked = Wiring(self.builder).pick(f"{self.prefix}{name}", rows, port)
-                self._log(picked, name, self.period)
 
     def _log(self, port: OutputPort, name: str, period: float) -> None:
         log = self.builder.AddNamedSystem(

@@ -1,7 +1,7 @@
 """Wiring: systems added to a diagram, connected to what they read."""
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -63,11 +63,17 @@ class Wiring:
 
     def pick(self, name: str, rows: Sequence[int], *ports: Port) -> OutputPort:
         """Return some of what ports have, one after another."""
-        places = [(k, i) for k, port in enumerate(ports) for i in range(port.size())]
         (first, *others) = ports
         is_all = not others and [*rows] == [*range(first.size())]
         if is_all and isinstance(first, OutputPort):
             return first
+        return self.pick_all(name, {"y": rows}, *ports)["y"]
+
+    def pick_all(
+        self, name: str, rows: Mapping[str, Sequence[int]], *ports: Port
+    ) -> dict[str, OutputPort]:
+        """Return several ports of one system, each with some of what ports have."""
+        places = [(k, i) for k, port in enumerate(ports) for i in range(port.size())]
         params = SelectorParams(
             inputs=[
                 SelectorParams.InputPortParams(name=f"u{k}", size=port.size())
@@ -75,20 +81,21 @@ class Wiring:
             ],
             outputs=[
                 SelectorParams.OutputPortParams(
-                    name="y",
+                    name=output,
                     selections=[
                         SelectorParams.OutputSelection(
                             input_port_index=places[row][0], input_offset=places[row][1]
                         )
-                        for row in rows
+                        for row in picked
                     ],
                 )
+                for output, picked in rows.items()
             ],
         )
         system = self.builder.AddNamedSystem(name, Selector(params))
         for index, port in enumerate(ports):
             self.connect(port, system.get_input_port(index))
-        return system.get_output_port()
+        return {output: system.GetOutputPort(output) for output in rows}
 
     def add(self, name: str, system: System, *read: Port) -> OutputPort:
         """Add a system of one output, and of one input if it reads anything."""

@@ -2,7 +2,7 @@
 
 from arm_drake.manager.controller_manager import (
     MANAGER,
-    REMEMBERED_PORT,
+    NUMBERS_PORT,
     STORED_PORT,
     SWITCH_PORT,
     ControllerManager,
@@ -10,7 +10,7 @@ from arm_drake.manager.controller_manager import (
 
 __all__ = [
     "MANAGER",
-    "REMEMBERED_PORT",
+    "NUMBERS_PORT",
     "STORED_PORT",
     "SWITCH_PORT",
     "ControllerManager",

@@ -3,7 +3,9 @@
 import itertools
 import math
 from collections.abc import Collection, Mapping
+from typing import NamedTuple
 
+import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import (
     Context,
@@ -12,6 +14,7 @@ from pydrake.systems.framework import (
 )
 
 from arm_drake import interfaces
+from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     TickingController,
@@ -19,10 +22,11 @@ from arm_drake.controllers.controller_interface import (
 from arm_drake.controllers.cycles import Cycle
 from arm_drake.controllers.joint_trajectory.controller import JointTrajectoryController
 from arm_drake.description.report import LoadReport
+from arm_drake.manager.steady_cycles import CycleNumbers
 from arm_drake.python_system import PythonSystem
 
-# Start of the names of the logs of references, after the prefix of their robot.
-_LOG = "reference:"
+# Name of the log of commands, after "log:" and the prefix of their robot.
+COMMAND_LOG = "commands"
 
 
 def connect_chains(
@@ -184,9 +188,44 @@ def export_topics(
                 builder.ExportOutput(output, with_prefix(prefix, topic))
 
 
-def log_name(controller: str) -> str:
-    """Return the name of the log of what a controller wants."""
-    return f"{_LOG}{controller}"
+class LoggedNumbers(NamedTuple):
+    """Which of the numbers that a cycle writes are logged, one after the other."""
+
+    # Values of command interfaces, and who is active.
+    values: range
+    active: range
+
+    # References of controllers that command no positions, by controller.
+    references: Mapping[str, range]
+
+    @property
+    def rows(self) -> list[int]:
+        """All of them."""
+        return [*self.values, *self.active, *itertools.chain(*self.references.values())]
+
+    def split(self, rows: Array) -> tuple[Array, Array, dict[str, Array]]:
+        """Return what rows of the log, shape (N, m), have of each."""
+        sizes = map(len, (self.values, self.active, *self.references.values()))
+        ends = list(itertools.accumulate(sizes))
+        values, active, *references = np.split(rows, ends[:-1], axis=1)
+        return values, active, dict(zip(self.references, references, strict=True))
+
+
+def find_logged(
+    systems: Mapping[str, ControllerInterface],
+    numbers: CycleNumbers,
+    remembered: Mapping[str, slice],
+) -> LoggedNumbers:
+    """Return what is logged of numbers; `remembered` is what each controller has."""
+    references, start = {}, numbers.memory.start
+    for name, system in systems.items():
+        if joints := reference_joints(system):
+            end = start + remembered[name].stop
+            references[name] = range(end - len(joints), end)
+    values, active = numbers.values, numbers.active
+    return LoggedNumbers(
+        range(values.start, values.stop), range(active.start, active.stop), references
+    )
 
 
 def reference_joints(system: ControllerInterface | None) -> tuple[str, ...]:

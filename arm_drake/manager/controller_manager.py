@@ -1,7 +1,6 @@
 """The controller manager's read-update-write loop, as a system of the diagram."""
 
 import math
-import struct
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
@@ -14,7 +13,6 @@ from pydrake.systems.framework import (
     DependencyTicket,
     DiagramBuilder,
     DiscreteStateIndex,
-    DiscreteValues,
     OutputPort,
     State,
 )
@@ -31,13 +29,12 @@ from arm_drake.controllers.cycles import Cycle, HardwareValues, messages_on
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.manager.claimants import Claimants, UpdateResults
+from arm_drake.manager.connections import find_logged
 from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.manager.lifecycle import (
     Lifecycle,
     ManagerInputs,
     QuietTicks,
-    SteadyCycles,
-    SteadyTick,
     TickKeeper,
 )
 from arm_drake.manager.loaded_controllers import (
@@ -47,6 +44,7 @@ from arm_drake.manager.loaded_controllers import (
     list_states,
 )
 from arm_drake.manager.state import CommandLimited, ManagerState
+from arm_drake.manager.steady_cycles import CycleNumbers, SteadyCycles
 from arm_drake.messages import NANOSECONDS, SwitchController
 from arm_drake.messages.base import append_events
 from arm_drake.python_system import PythonSystem
@@ -299,15 +297,6 @@ def initial_values(
     return values
 
 
-def _numbers(count: int) -> Any:
-    """Return what reads and writes numbers in an array, as plain floats.
-
-    Arrays of few numbers take longer to make. (Of type Any, for typing doesn't know
-    that arrays are buffers.)
-    """
-    return struct.Struct(f"{count}d")
-
-
 # Name of the manager, and of its port on which a switch is requested.
 MANAGER = "controller_manager"
 SWITCH_PORT = "switch_controller"
@@ -315,8 +304,8 @@ SWITCH_PORT = "switch_controller"
 # And of the one with the values that the physics doesn't know.
 STORED_PORT = "stored_state_interfaces"
 
-# And of the one that has what controllers remember from tick to tick.
-REMEMBERED_PORT = "remembered"
+# And of the one with all numbers that a cycle writes.
+NUMBERS_PORT = "numbers"
 
 
 class ControllerManager(PythonSystem):
@@ -331,13 +320,10 @@ class ControllerManager(PythonSystem):
         - joint_motions
         output_ports:
         - cycle
+        - numbers
         - controllers
         - events
         - claimed
-        - command_values
-        - drive
-        - active
-        - remembered
         - ticks
         - inputs
 
@@ -348,16 +334,14 @@ class ControllerManager(PythonSystem):
     state_interfaces   3J    rad, ..  positions, velocities, efforts of the J joints
     joint_motions      2J    rad, ..  the same without the efforts
     cycle              --    --       Cycle: what controllers are told
+    numbers            m     rad, ..  all that a cycle writes in numbers, see
+                                      CycleNumbers: what the servo is told, values of
+                                      command interfaces, who is active, ...
     controllers        --    --       tuple of ControllerState, in the order of the YAML
     events             --    --       tuple of the latest (number, event), the newest
                                       last
     claimed            --    --       tuple of the names of command interfaces, those
                                       that were claimed last at the end
-    command_values     k     rad, ..  values of all command interfaces
-    drive              7n    rad, ..  what the servo of n joints is told, see
-                                      DriveCommands
-    active             c     --       1 for each controller that is active, else 0
-    remembered         m     --       numbers that a cycle leaves for the next one
     ticks              --    --       ManagerState: the last ticks of the controllers
     inputs             --    --       ManagerInputs: messages on all ports
     =================  ====  =======  ==================================================
@@ -414,39 +398,40 @@ class ControllerManager(PythonSystem):
             self._lifecycle, claimants, drive, limits, hardware_interfaces
         )
         keeper = self._keeper if self._loop.has_quiet_cycles else None
-        self._quiet = QuietTicks(keeper, claimants, drive)
+        names = [controller.name for controller in self.controllers]
+        self._quiet = QuietTicks(keeper, claimants, drive, names)
         state = self._start(hardware_interfaces)
         self._state_index = int(self.DeclareAbstractState(AbstractValue.Make(state)))
         self._cycle = self._declare_read("cycle", self._calc_cycle, is_of_now=True)
-        self._num_servo = len(drive.servo_input(state.drive))
-        self._num_motions = self._keeper.num_measured
-        *numbers, steady = self._declare_numbers(state)
-        self._values, self._drive_state, self._flags = map(int, numbers)
-        self._steady_state = int(steady)
+        numbers = self._declare_numbers(state)
+        self.logged = find_logged(systems, self.numbers, claimants.parts)
         self._stored_states = StoredStates(hardware_interfaces, self.commands)
         self._stored = self._declare_stored(hardware_interfaces)
-        self._declare_shown([*numbers, steady])
+        self._declare_shown()
         self._present = self._declare(
-            interfaces.TICKS_PORT, self.read_state, {self.discrete_state_ticket(steady)}
+            interfaces.TICKS_PORT,
+            self.read_state,
+            {self.discrete_state_ticket(numbers)},
         )
         # Computed anew only when something is put on a port.
         self._inputs = self._declare_read("inputs", self._calc_inputs)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
 
-    def _declare_numbers(self, state: ManagerState) -> list[DiscreteStateIndex]:
-        """Declare values, servo's input, active flags, and what steady cycles write."""
-        n = len(self._drive.joints)
+    def _declare_numbers(self, state: ManagerState) -> DiscreteStateIndex:
+        """Declare what cycles write besides the state, and its port."""
         self._has_rate = has_rate(self.period, self._update_rate)
-        # What steady cycles keep, and all of it but for the motions.
-        kept = 1 + 2 * n + self._claimants.num_remembered
-        self._kept_struct = _numbers(kept + self._num_motions)
-        self._last_struct = _numbers(kept)
-        self._values_struct = _numbers(len(state.values))
-        self._servo_struct = _numbers(self._num_servo)
-        servo_input = self._drive.servo_input(state.drive)
-        flags = [float(c.name in state.active) for c in self.controllers]
-        start = (state.values, servo_input, flags, self._steady_numbers(state))
-        return [self.DeclareDiscreteState(x) for x in start]
+        self.numbers = CycleNumbers(
+            num_servo=len(self._drive.servo_input(state.drive)),
+            num_values=len(state.values),
+            num_controllers=len(self.controllers),
+            num_joints=len(self._drive.joints),
+            num_remembered=self._claimants.num_remembered,
+            num_motions=self._keeper.num_measured,
+        )
+        index = self.DeclareDiscreteState(self._numbers_of(state))
+        self._numbers_index = int(index)
+        self.DeclareStateOutputPort(NUMBERS_PORT, index)
+        return index
 
     def _declare_stored(
         self, hardware_interfaces: HardwareInterfaces
@@ -529,7 +514,7 @@ class ControllerManager(PythonSystem):
             },
         )
 
-    def _declare_shown(self, numbers: Iterable[DiscreteStateIndex]) -> None:
+    def _declare_shown(self) -> None:
         """Declare the ports that show the state, as the last full tick has left it."""
         state, claimed = self._state, self._lifecycle.claimed
         self._declare(
@@ -537,14 +522,15 @@ class ControllerManager(PythonSystem):
         )
         self._declare("events", lambda c: state(c).events)
         self._declare(interfaces.CLAIMED_PORT, lambda c: claimed(state(c).active))
-        names = (interfaces.VALUES_PORT, "drive", "active", REMEMBERED_PORT)
-        for name, index in zip(names, numbers, strict=True):
-            self.DeclareStateOutputPort(name, index)
 
-    def remembered(self, controller: str) -> range:
-        """Return which numbers of `remembered` are a controller's."""
-        start, part = 1 + 2 * len(self._drive.joints), self._claimants.parts[controller]
-        return range(start + part.start, start + part.stop)
+    def read_numbers(self, root: Context, part: slice) -> Array:
+        """Return a part of what the last cycle has written, from the root context.
+
+        Of `numbers.values` it is what all command interfaces hold, in the order of
+        `commands`, where NaN is nothing.
+        """
+        own = self.GetMyContextFromRoot(root).get_discrete_state(self._numbers_index)
+        return np.array(own.value()[part])
 
     def find_problems(
         self, context: Context, request: SwitchController
@@ -559,8 +545,9 @@ class ControllerManager(PythonSystem):
         """Connect a controller that is in the builder with this manager."""
         builder.Connect(self._cycle, system.GetInputPort(interfaces.MANAGER_PORT))
         if isinstance(system, TickingController):
-            values = self.GetOutputPort(interfaces.VALUES_PORT)
-            builder.Connect(values, system.add_command_values(self.commands))
+            numbers, at = self.GetOutputPort(NUMBERS_PORT), self.numbers.values.start
+            values = system.add_command_values(self.commands, at, numbers.size())
+            builder.Connect(numbers, values)
             if system.params.is_managed:
                 kept = interfaces.TICKS_PORT
                 builder.Connect(self.GetOutputPort(kept), system.GetInputPort(kept))
@@ -595,44 +582,37 @@ class ControllerManager(PythonSystem):
     def _find_maker(self, context: Context) -> Callable[[], ManagerState]:
         """Return what makes the state as after a full cycle, of what is read now."""
         state = self._state(context)
-        numbers = np.array(context.get_discrete_state(self._steady_state).value())
-        if round(numbers[0]) == state.cycle.number:
+        numbers = np.array(context.get_discrete_state(self._numbers_index).value())
+        if round(numbers[CycleNumbers.NUMBER]) == state.cycle.number:
             return lambda: state
         steady = self._quiet.steady_cycles(state)
         assert steady is not None
-        values, servo_input = (
-            np.array(context.get_discrete_state(index).value())
-            for index in (self._values, self._drive_state)
-        )
-        return partial(self._make_state, steady, values, servo_input, numbers)
+        return partial(self._make_state, steady, numbers)
 
-    def _make_state(
-        self, steady: SteadyCycles, values: Array, servo_input: Array, numbers: Array
-    ) -> ManagerState:
+    def _make_state(self, steady: SteadyCycles, numbers: Array) -> ManagerState:
         """Return the state after a steady cycle, of what it has written."""
-        number, n = round(numbers[0]), len(self._drive.joints)
+        number = round(numbers[CycleNumbers.NUMBER])
         times = cycle_times(number, self.period, self._update_rate)
-        m = n + self._claimants.num_remembered
-        rates, memory, motions = np.split(numbers[1 + n :], [n, m])
-        drive = np.concatenate((servo_input, rates))
-        return steady.state(number, times, values, drive, motions, memory.tolist())
+        return steady.state(times, numbers, self.numbers)
 
     def write_state(self, context: Context, state: ManagerState) -> None:
         """Store a state in the manager's own context, for the next cycle."""
         context.SetAbstractState(self._state_index, state)
-        context.SetDiscreteState(self._steady_state, self._steady_numbers(state))
+        context.SetDiscreteState(self._numbers_index, self._numbers_of(state))
 
-    def _steady_numbers(self, state: ManagerState) -> Array:
-        """Return what steady cycles keep.
-
-        The number of the cycle, the first and the last part of the drive vector, what
-        controllers remember, and what was measured.
-        """
-        drive, n = state.drive, len(self._drive.joints)
-        first, last = drive[:n], drive[len(drive) - n :]
-        memory = self._claimants.remember(state.ticks)
-        unknown = np.zeros(self._num_motions)
-        return np.concatenate(([state.cycle.number], first, last, memory, unknown))
+    def _numbers_of(self, state: ManagerState) -> Array:
+        """Return what a full cycle writes in numbers, which leads to a state."""
+        numbers, layout = np.zeros(self.numbers.size), self.numbers
+        n = len(self._drive.joints)
+        drive, start = state.drive, len(state.drive) - n
+        told = (
+            *(drive[:start], state.values, self._quiet.flags(state), drive[start:]),
+            self._claimants.remember(state.ticks),
+        )
+        # What was measured isn't known here, nor is it asked for.
+        unknown = np.zeros(layout.motions.stop - layout.motions.start)
+        layout.write(numbers, state.cycle.number, told, unknown)
+        return numbers
 
     def _declare(
         self,
@@ -663,59 +643,69 @@ class ControllerManager(PythonSystem):
         readings = Readings(state, inputs, partial(self._measured.Eval, context))
         return self._loop.begin(readings, number, *times)
 
-    def _tick_steadily(
-        self, context: Context, base: ManagerState, numbers: Array
-    ) -> SteadyTick | None:
-        """Return what a steady cycle writes; None where a cycle isn't of this kind.
+    def _go_on(self, context: Context, base: ManagerState, numbers: Array) -> bool:
+        """Write a cycle that is known ahead; return whether it is.
 
-        `numbers` are what the last cycle has left for it.
+        `numbers` are those of the last cycle, and then of this one.
         """
         steady = self._quiet.steady_cycles(base)
+        if steady is None:
+            return False
+        number = int(numbers.item(CycleNumbers.NUMBER)) + 1
+        row = steady.find(number, numbers)
+        if row is None or abs(context.get_time() / self.period - number) > TOLERANCE:
+            return False
+        if self._inputs.Eval(context) is not steady.inputs:
+            return False
+        motions = self._keeper.measure(context, reads_all=steady.reads_all)
+        numbers[CycleNumbers.NUMBER] = number
+        start = self.numbers.servo.start
+        numbers[start : start + len(row)] = row
+        start = self.numbers.motions.start
+        numbers[start : start + len(motions)] = motions
+        return True
+
+    def _find_time(self, number: int) -> int:
+        """Return the time of a cycle [ns]."""
+        if self._has_rate:  # As `cycle_time` says, without a call.
+            return number * NANOSECONDS // self._update_rate
+        return cycle_time(number, self.period, self._update_rate)
+
+    def _tick_steadily(
+        self, context: Context, base: ManagerState, numbers: Array
+    ) -> SteadyCycles | None:
+        """Write a steady cycle; return its kind, None where a cycle isn't steady.
+
+        `numbers` are those of the last cycle, and then of this one.
+        """
+        steady, layout = self._quiet.steady_cycles(base), self.numbers
         if steady is None or self._inputs.Eval(context) is not steady.inputs:
             return None
-        last = self._last_struct.unpack_from(numbers)
-        number, rate = int(last[0]) + 1, self._update_rate
-        # What `cycle_at` and `cycle_time` say, without calls.
+        number = int(numbers.item(CycleNumbers.NUMBER)) + 1
+        # What `cycle_at` says, without a call.
         if abs(context.get_time() / self.period - number) > TOLERANCE:
             return None
-        time_ns = number * NANOSECONDS // rate
-        if not self._has_rate:
-            time_ns = cycle_time(number, self.period, rate)
+        time_ns, is_first = self._find_time(number), number == base.cycle.number + 1
         if time_ns >= steady.until_ns:
             return None
         if time_ns >= steady.monitor_ns:
-            if number == base.cycle.number + 1:
+            if is_first:
                 return None
-            last_ns = cycle_time(number - 1, self.period, rate)
-            motions = np.array(numbers[-self._num_motions :])
-            resumed = steady.report(time_ns, last_ns, motions)
+            motions = np.array(numbers[layout.motions])
+            resumed = steady.report(time_ns, self._find_time(number - 1), motions)
             if resumed is None:
                 return None
             self._quiet.remember(resumed)
             steady = resumed
         motions = self._keeper.measure(context, reads_all=steady.reads_all)
-        n = len(self._drive.joints)
-        memory = list(last[1 + 2 * n :])
-        found = steady.tick(time_ns, last[1 : 1 + 2 * n], motions, memory)
-        if found is None:
+        positions, rates, memory = layout.last(numbers)
+        memory = list(memory)
+        told = steady.tick(time_ns, positions, rates, motions, memory)
+        if told is None:
             return None
-        return SteadyTick(steady.base, number, motions, memory, *found)
-
-    def _write_steadily(
-        self, numbers: DiscreteValues, kept: Array, tick: SteadyTick
-    ) -> None:
-        """Write a steady cycle to the discrete state, of which `kept` is a part."""
-        _, number, motions, memory, values, servo_input, rates = tick
-        first = servo_input[: len(rates)]
-        # Where nobody active reads more, motions are less than there is room for.
-        rest = [0.0] * (self._num_motions - len(motions))
-        self._kept_struct.pack_into(
-            kept, 0, number, *first, *rates, *memory, *motions.tolist(), *rest
-        )
-        view = numbers.get_mutable_value(self._drive_state)
-        self._servo_struct.pack_into(view, 0, *servo_input)
-        view = numbers.get_mutable_value(self._values)
-        self._values_struct.pack_into(view, 0, *values)
+        layout.write(numbers, number, told, motions)
+        steady.look_ahead(number, self._find_time, numbers, layout)
+        return steady
 
     def _tick_quietly(self, context: Context, old: ManagerState) -> ManagerState | None:
         """Return what a cycle leads to in which nothing comes; None for all others.
@@ -762,29 +752,33 @@ class ControllerManager(PythonSystem):
         return self._loop.finish(ticks, asleep, readings, cycle)
 
     def _update(self, context: Context, state: State) -> None:
-        base, numbers = self._state(context), state.get_mutable_discrete_state()
-        kept = numbers.get_mutable_value(self._steady_state)
-        steady = self._tick_steadily(context, base, kept)
+        numbers = state.get_mutable_discrete_state().get_mutable_value(
+            self._numbers_index
+        )
+        base = self._state(context)
+        if not self._go_on(context, base, numbers):
+            self._tick_anew(context, base, state, numbers)
+        if self._stored is not None:
+            values = numbers[self.numbers.values]
+            stored = context.get_discrete_state(self._stored).value()
+            state.get_mutable_discrete_state().set_value(
+                self._stored, self._stored_states.update(stored, values)
+            )
+
+    def _tick_anew(
+        self, context: Context, base: ManagerState, state: State, numbers: Array
+    ) -> None:
+        """Write a cycle that isn't known ahead; nothing between two cycles."""
+        index = self._state_index
+        is_present = numbers[CycleNumbers.NUMBER] == base.cycle.number
+        steady = self._tick_steadily(context, base, numbers)
         if steady is not None:
             if steady.base is not base:
-                index = self._state_index
                 state.get_mutable_abstract_state(index).set_value(steady.base)
-            self._write_steadily(numbers, kept, steady)
-        else:
-            old = base  # Without steady cycles since then, it is the present one.
-            if kept[0] != base.cycle.number:
-                old = self._present.Eval(context)
-            new = self._tick_quietly(context, old) or self._tick(context, old)
-            if new is old:
-                return
-            state.get_mutable_abstract_state(self._state_index).set_value(new)
-            numbers.set_value(self._drive_state, new.drive[: self._num_servo])
-            if new.cycle.active is not old.cycle.active:
-                flags = [float(c.name in new.cycle.active) for c in self.controllers]
-                numbers.set_value(self._flags, flags)
-            numbers.set_value(self._values, new.values)
-            kept[:] = self._steady_numbers(new)
-        if self._stored is not None:
-            stored = context.get_discrete_state(self._stored).value()
-            values = numbers.get_value(self._values)
-            numbers.set_value(self._stored, self._stored_states.update(stored, values))
+            return
+        # Without steady cycles since then, the last full one's is the present state.
+        old = base if is_present else self._present.Eval(context)
+        new = self._tick_quietly(context, old) or self._tick(context, old)
+        if new is not old:
+            state.get_mutable_abstract_state(index).set_value(new)
+            numbers[:] = self._numbers_of(new)

@@ -7,10 +7,9 @@ fallback controllers take over; one with a lower update rate runs in the nearest
 Times are integer nanoseconds, rates are [Hz].
 """
 
-import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import (
@@ -29,19 +28,12 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     TickingController,
 )
-from arm_drake.controllers.cycles import (
-    NEVER_NS,
-    STATE,
-    Cycle,
-    HardwareValues,
-    SteadyTicks,
-    UpdateResult,
-    with_field,
-)
+from arm_drake.controllers.cycles import Cycle, HardwareValues, UpdateResult
 from arm_drake.description.parameters import DISTROS
 from arm_drake.errors import ParameterError
 from arm_drake.manager.claimants import Claimants, UpdateResults
 from arm_drake.manager.state import ControllerFailure, ManagerEvent, ManagerState
+from arm_drake.manager.steady_cycles import SteadyCycles
 from arm_drake.manager.switching import (
     ControllerInfo,
     SwitchPlan,
@@ -484,185 +476,6 @@ class TickKeeper:
         )
 
 
-class SteadyTick(NamedTuple):
-    """What a steady cycle writes."""
-
-    # The state that it goes on from.
-    base: ManagerState
-
-    # Its number, and what was measured in it, as in HardwareValues.
-    number: int
-    motions: Array
-
-    # What controllers remember, all of them.
-    memory: list[float]
-
-    # Values of all command interfaces, what the servo is told, and the rest of the
-    # drive vector.
-    values: list[float]
-    servo_input: list[float]
-    rates: list[float]
-
-
-class _SteadyController(NamedTuple):
-    """A controller that ticks steadily, and where its commands stand."""
-
-    name: str
-    system: TickingController[Any]
-    ticks: SteadyTicks[Any]
-    at: Sequence[int]
-
-    # Where what it remembers stands; None if it doesn't.
-    part: slice | None
-
-
-# Where the ticks stand in the state.
-_TICKS = ManagerState._fields.index("ticks")
-
-
-class SteadyCycles:
-    """Cycles from a state on in which nothing comes and nobody does anything new.
-
-    Who reads the state in between has it made of the numbers of the last one.
-    """
-
-    def __init__(
-        self,
-        base: ManagerState,
-        controllers: Sequence[_SteadyController],
-        drive: DriveCommands,
-    ) -> None:
-        """Create it for cycles after a state."""
-        self._drive = drive
-        self._values: list[float] = base.values.tolist()
-        # Where commands stand, with a slice where they stand in a row.
-        self._rows = [(_row(c.at), c.at) for c in controllers]
-        self._take(base, controllers)
-
-    def _take(
-        self, base: ManagerState, controllers: Sequence[_SteadyController]
-    ) -> None:
-        """Take the state, and how controllers tick after it."""
-        self.base, self._controllers = base, controllers
-        self._commanding = [
-            (c.ticks.command, c.part, *row)
-            for c, row in zip(controllers, self._rows, strict=True)
-        ]
-        # From then on cycles take the full way [ns].
-        self.until_ns = min((c.ticks.until_ns for c in controllers), default=NEVER_NS)
-        # Somebody has to tell something then [ns].
-        self.monitor_ns = min(
-            (c.ticks.monitor_ns for c in controllers), default=NEVER_NS
-        )
-        # What is on the ports meanwhile, and whether they read more than motions.
-        self.inputs = base.cycle.inputs
-        self.reads_all = any(c.system.reads_all for c in controllers)
-
-    @classmethod
-    def after(
-        cls,
-        base: ManagerState,
-        controllers: Collection[tuple[str, TickingController[Any]]] | None,
-        claimants: Claimants,
-        drive: DriveCommands,
-    ) -> Self | None:
-        """Return the cycles after a state, by those that tick quietly; None if none."""
-        cycle = base.cycle
-        if controllers is None or base.failing or cycle.active is not base.active:
-            return None
-        if drive.has_limits:
-            return None
-        found = []
-        for name, system in controllers:
-            last = base.ticks[name]
-            goes_on = last.number == cycle.number and last.inputs is cycle.inputs
-            if not (goes_on and last.activation == base.active[name]):
-                return None
-            ticks = system.steady(last, cycle.time_ns)
-            if ticks is None:
-                return None
-            at, part = claimants.places.get(name, ()), claimants.parts.get(name)
-            found.append(_SteadyController(name, system, ticks, at, part))
-        return cls(base, found, drive)
-
-    def report(self, time_ns: int, last_ns: int, motions: Array) -> Self | None:
-        """Return the cycles that go on, in which all is told; None if they end."""
-        ticks, controllers = dict(self.base.ticks), list(self._controllers)
-        for i, (name, system, steady, at, part) in enumerate(self._controllers):
-            if time_ns >= steady.monitor_ns:
-                resumed = steady.report(time_ns, last_ns, motions)
-                if resumed is None:
-                    return None
-                ticks[name] = with_field(ticks[name], STATE, resumed[0])
-                controllers[i] = _SteadyController(name, system, resumed[1], at, part)
-        new = object.__new__(type(self))
-        new._values, new._drive, new._rows = self._values, self._drive, self._rows
-        new._take(with_field(self.base, _TICKS, ticks), controllers)
-        return new
-
-    def tick(
-        self,
-        time_ns: int,
-        last: Sequence[float],
-        motions: Array,
-        memory: list[float],
-    ) -> tuple[list[float], list[float], list[float]] | None:
-        """Return the values of all commands and the drive vector; None if it ends.
-
-        `last` are positions and rates of the last cycle's drive vector, one after the
-        other; `motions` is what is measured; `memory` what is remembered, which is
-        renewed. Of the vector what the servo is told comes first, then the rates.
-        """
-        values = self._values.copy()
-        for find, part, row, at in self._commanding:
-            own = [] if part is None else memory[part]
-            command = find(time_ns, motions, own)
-            if part is not None:
-                memory[part] = own
-            if command is None:
-                return None
-            if row is not None and math.isfinite(sum(command)):
-                values[row] = command
-                continue
-            for i, value in zip(at, command, strict=True):
-                if math.isfinite(value):
-                    values[i] = value
-        n = len(last) // 2
-        return values, *self._drive.go_on(self.base.mode, values, last[:n], last[n:])
-
-    def state(
-        self,
-        number: int,
-        times: tuple[int, int],
-        values: Array,
-        drive: Array,
-        motions: Array,
-        memory: Sequence[float],
-    ) -> ManagerState:
-        """Return the state after one of these cycles, of what `tick` has returned."""
-        base, time_ns = self.base, times[0]
-        ticks = dict(base.ticks)
-        for name, system, steady, _, part in self._controllers:
-            last, own = ticks[name], () if part is None else memory[part]
-            ticks[name] = system.resume(steady, last, number, time_ns, motions, own)
-        cycle = base.cycle._replace(
-            number=number,
-            time_ns=time_ns,
-            period_ns=times[1],
-            chained=base.chained,
-            commands=None,
-            ticks={},
-        )
-        return base._replace(cycle=cycle, values=values, drive=drive, ticks=ticks)
-
-
-def _row(at: Sequence[int]) -> slice | None:
-    """Return the slice that indices are; None if they don't stand in a row."""
-    start = at[0] if at else 0
-    is_row = list(at) == list(range(start, start + len(at)))
-    return slice(start, start + len(at)) if is_row else None
-
-
 class QuietTicks:
     """Who ticks in cycles in which nothing comes and nothing switches.
 
@@ -670,12 +483,18 @@ class QuietTicks:
     """
 
     def __init__(
-        self, keeper: TickKeeper | None, claimants: Claimants, drive: DriveCommands
+        self,
+        keeper: TickKeeper | None,
+        claimants: Claimants,
+        drive: DriveCommands,
+        names: Sequence[str],
     ) -> None:
-        """Create it; without a keeper such a cycle is as any other."""
+        """Create it for controllers; without a keeper such a cycle is as any other."""
         self._keeper, self._claimants, self._drive = keeper, claimants, drive
+        self._names = names
         self._base: ManagerState | None = None
-        self._steady: SteadyCycles | None = None
+        # What comes after the latest state in plain numbers, if anything does.
+        self.steady: SteadyCycles | None = None
         self._offers_steady = True
         self._active: object = None
         self._asleep: object = None
@@ -699,13 +518,17 @@ class QuietTicks:
         """Return what comes after a state in plain numbers, if anything does."""
         if self._base is not base:
             found = self.controllers(base)
-            self._base, self._steady = base, None
+            self._base, self.steady = base, None
             if self._offers_steady:
-                self._steady = SteadyCycles.after(
-                    base, found, self._claimants, self._drive
+                self.steady = SteadyCycles.after(
+                    base, found, self._claimants, self._drive, self.flags(base)
                 )
-        return self._steady
+        return self.steady
+
+    def flags(self, state: ManagerState) -> list[float]:
+        """Return 1 for each controller that is active, else 0."""
+        return [float(name in state.active) for name in self._names]
 
     def remember(self, steady: SteadyCycles) -> None:
         """Remember what comes after a state."""
-        self._base, self._steady = steady.base, steady
+        self._base, self.steady = steady.base, steady

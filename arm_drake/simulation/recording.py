@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Context, Diagram, OutputPort
+from pydrake.systems.framework import Context, Diagram
 from pydrake.systems.primitives import VectorLogSink
 
 from arm_drake import interfaces
@@ -20,7 +20,7 @@ from arm_drake.arrays import Array
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot, name_portably
 from arm_drake.manager import MANAGER, ControllerManager
-from arm_drake.manager.connections import log_name, reference_joints
+from arm_drake.manager.connections import COMMAND_LOG, reference_joints
 from arm_drake.messages import (
     ActionRequest,
     FollowJointTrajectoryResult,
@@ -249,25 +249,21 @@ def _read_commands(
     # A command acts after its tick.
     tick_numbers = _ticks_before(time, manager.period)
 
-    def read(name: str, port: OutputPort) -> Array:
-        present = port.Eval(port.get_system().GetMyContextFromRoot(context))
-        log = _log(diagram, context, manager, name, since)
-        values, ticks = _latest(*log, present, context.get_time(), manager.period)
-        rows = np.minimum(np.searchsorted(ticks, tick_numbers), len(ticks) - 1)
-        is_found = (ticks[rows] == tick_numbers)[:, None]
-        return np.where(is_found, values[rows], np.nan)
-
-    references = {}
-    for controller in manager.controllers:
-        if joints := reference_joints(controller.system):
-            name = log_name(controller.name)
-            reference = diagram.GetSubsystemByName(f"{manager.prefix}{name}")
-            position = read(name, reference.get_output_port())
-            references[controller.name] = Reference(joints, position)
-    values, active = (
-        read(name, manager.GetOutputPort(name))
-        for name in (interfaces.VALUES_PORT, "active")
+    name = f"{manager.prefix}{COMMAND_LOG}"
+    log = _log(diagram, context, manager, COMMAND_LOG, since)
+    port = diagram.GetSubsystemByName(name).GetOutputPort("log")
+    present = port.Eval(port.get_system().GetMyContextFromRoot(context))
+    values, ticks = _latest(*log, present, context.get_time(), manager.period)
+    rows = np.minimum(np.searchsorted(ticks, tick_numbers), len(ticks) - 1)
+    is_found = (ticks[rows] == tick_numbers)[:, None]
+    values, active, found = manager.logged.split(
+        np.where(is_found, values[rows], np.nan)
     )
+    joints = {c.name: reference_joints(c.system) for c in manager.controllers}
+    references = {
+        controller: Reference(joints[controller], position)
+        for controller, position in found.items()
+    }
     return _Commanded(values, active, references)
 
 

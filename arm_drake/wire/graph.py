@@ -532,7 +532,7 @@ def _rosout() -> Topic:
 
 def _activity(manager: ControllerManager) -> Topic:
     """Return the topic with the states of a robot's controllers, when they change."""
-    flags, states = (manager.GetOutputPort(name) for name in ("active", "controllers"))
+    states, part = manager.GetOutputPort("controllers"), manager.numbers.active
     last: list[Any] = [None, None]
     hardware = [
         {"name": block.name, "state": {"id": 3, "label": "active"}}
@@ -540,9 +540,9 @@ def _activity(manager: ControllerManager) -> Topic:
     ]
 
     def read(root: Context) -> Any:
-        context = manager.GetMyContextFromRoot(root)
-        active = flags.Eval(context).tolist()
+        active = manager.read_numbers(root, part).tolist()
         if active != last[0]:
+            context = manager.GetMyContextFromRoot(root)
             time_ns = round(root.get_time() * NANOSECONDS)
             last[:] = active, (time_ns, states.Eval(context))
         return last[1]

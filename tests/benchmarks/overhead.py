@@ -33,7 +33,7 @@ def record_commands(robot: ad.Robot, options: ad.SimulationOptions) -> np.ndarra
     motion = ad.load_motion(bundled_motions("doosan_a0912")["tutorial"])
     diagram = ad.build_diagram(robot, options=options)
     sim = ad.Simulation(diagram)
-    port = diagram.GetSubsystemByName("controller_manager").GetOutputPort("drive")
+    port = diagram.GetSubsystemByName("commands").GetOutputPort("drive")
     rows = []
     for tick in range(round(DURATION * robot.controllers.update_rate)):
         sim.run((tick + 0.5) / robot.controllers.update_rate - sim.time, motion)

@@ -395,7 +395,7 @@ class FunctionsPlayer(Player):
             if self.is_active:
                 self.state = activate(self.rules, self.state, self.inputs(k))
         elif event["type"] == "deactivate":
-            self.state = deactivate(self.rules, self.state, self.inputs(k))
+            self.state = deactivate(self.rules, self.state)
             self.is_active = False
             self.write_state()
         elif event["type"] == "service":

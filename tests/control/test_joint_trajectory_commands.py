@@ -215,7 +215,7 @@ def test_a_deactivation_stops_all_but_positions(
     inputs = TickInputs(0, PERIOD_NS, np.array(START), np.zeros(3))
     state = activate(rules, JointTrajectoryState(), inputs)
 
-    state = deactivate(rules, state, inputs)
+    state = deactivate(rules, state)
 
     np.testing.assert_array_equal(state.command, expected)
 

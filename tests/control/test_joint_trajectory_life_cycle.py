@@ -71,7 +71,7 @@ def restart(
     rules: JointTrajectoryRules, state: JointTrajectoryState, k: int, **fields: Any
 ) -> JointTrajectoryState:
     """Return the state that was deactivated, activated and ticked once."""
-    state = deactivate(rules, state, inputs_at(k))
+    state = deactivate(rules, state)
     state = activate(rules, state, inputs_at(k, **fields))
     return tick(rules, state, inputs_at(k, **fields))
 
@@ -104,7 +104,7 @@ def test_an_inactive_controller_takes_speed_factors() -> None:
 def test_a_goal_that_a_deactivation_aborts_is_reported_by_its_monitor() -> None:  # A15
     rules, goal = make_rules(), make_goal(make_message((1.0, (2.0, 3.0, 4.0))))
     state = tick(rules, JointTrajectoryState(), inputs_at(0, requests=(goal,)))
-    state = deactivate(rules, state, inputs_at(1))
+    state = deactivate(rules, state)
     states = [state]
 
     for k in range(1, 10):
@@ -117,7 +117,7 @@ def test_an_inactive_controller_answers_cancels() -> None:
     rules, goal = make_rules(), make_goal(make_message((1.0, (2.0, 3.0, 4.0))))
     cancels = CancelGoal(goal), CancelGoal(goal)
     state = tick(rules, JointTrajectoryState(), inputs_at(0, requests=(goal,)))
-    state = deactivate(rules, state, inputs_at(1))
+    state = deactivate(rules, state)
 
     state = idle(rules, state, inputs_at(1, requests=cancels))
 
@@ -350,7 +350,7 @@ def test_a_query_before_the_start_fails_with_what_was_measured() -> None:
 
 def test_a_query_of_an_inactive_controller_fails_with_nothing() -> None:
     rules, state = moving_to((1.0, (2.1, 3.1, 4.1)))
-    state = deactivate(rules, state, inputs_at(1))
+    state = deactivate(rules, state)
 
     answer = query(rules, state, 500_000_000)
 

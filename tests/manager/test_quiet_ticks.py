@@ -235,6 +235,38 @@ def test_an_arm_that_holds_and_moves_ticks_quietly_and_is_heard(count: Count) ->
 
 
 @pytest.mark.slow
+def test_cycles_of_a_trajectory_are_known_ahead(count: Count) -> None:
+    sim = simulate()
+    arm = sim.controller("joint_trajectory_controller")
+    goal = arm.send_goal(motion(0.1, 0.2, 0.1))
+    sim.run(0.9)
+    sim.run(0.6)
+
+    assert goal.status.is_terminal
+    # Each fifth one tells feedback.
+    assert count.num_ahead > 0.6 * count.total, count
+
+
+@pytest.mark.slow
+def test_what_is_known_ahead_ends_where_numbers_are_others(count: Count) -> None:
+    sim = simulate()
+    sim.controller("joint_trajectory_controller").send_trajectory(motion(0.1, 0.2))
+    sim.advance_to(0.255)
+    assert count.num_ahead > 5
+    # Somebody moves the last position: the next velocity is of the step from there.
+    manager = sim.diagram.GetSubsystemByName("controller_manager")
+    context = manager.GetMyMutableContextFromRoot(sim.simulator.get_mutable_context())
+    numbers = context.get_mutable_discrete_state().get_mutable_value(0)
+    before = count.num_ahead
+    numbers[manager.numbers.servo.start] -= 1e-4
+    sim.advance_to(0.265)
+
+    assert count.num_ahead == before
+    sim.advance_to(0.295)
+    assert count.num_ahead == before + 3
+
+
+@pytest.mark.slow
 def test_feedback_is_the_same_right_after_a_message(count: Count) -> None:
     sim = simulate()
     arm = sim.controller("joint_trajectory_controller")

@@ -97,9 +97,9 @@ def command(sim: ad.Simulation, controller: str, *values: float) -> None:
 def values(sim: ad.Simulation) -> dict[str, float]:
     """Return what the command interfaces hold."""
     manager = sim.diagram.GetSubsystemByName("controller_manager")
-    context = manager.GetMyContextFromRoot(sim.simulator.get_context())
-    state = manager.GetOutputPort("command_values").Eval(context)
-    return dict(zip(manager.commands, state.tolist(), strict=True))
+    root = sim.simulator.get_context()
+    held = manager.read_numbers(root, manager.numbers.values)
+    return dict(zip(manager.commands, held.tolist(), strict=True))
 
 
 def events(sim: ad.Simulation) -> list[object]:
@@ -364,12 +364,12 @@ def test_the_velocity_of_a_slower_controller_is_that_of_its_commands(tmp_path):
         )
     }
     sim = simulate(load(tmp_path, slow))
-    manager = sim.diagram.GetSubsystemByName("controller_manager")
+    commands = sim.diagram.GetSubsystemByName("commands")
     for tick in range(8):
         command(sim, "slow", 0.01 * tick, 0.0)
         sim.advance_to(tick * PERIOD + 0.5 * PERIOD)
-        context = manager.GetMyContextFromRoot(sim.simulator.get_context())
-        drive = manager.GetOutputPort("drive").Eval(context)
+        context = commands.GetMyContextFromRoot(sim.simulator.get_context())
+        drive = commands.GetOutputPort("drive").Eval(context)
         # At first it might be a step.
         speed = 0.02 * 50.0 if tick >= 4 else 0.0
         assert drive[2] == pytest.approx(speed, rel=1e-12)

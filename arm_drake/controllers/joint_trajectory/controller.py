@@ -267,14 +267,13 @@ def activate(
 
 
 def deactivate(
-    rules: JointTrajectoryRules, state: JointTrajectoryState, inputs: TickInputs
+    rules: JointTrajectoryRules, state: JointTrajectoryState
 ) -> JointTrajectoryState:
     """Return the state after a deactivation.
 
     The goal aborts. Velocity, acceleration and effort commands become 0, and position
     commands stay.
     """
-    del inputs
     if is_executing(state):
         code = FollowJointTrajectoryErrorCode.INVALID_GOAL
         state = conclude(state, GoalStatus.ABORTED, code, _DEACTIVATED_TEXT)
@@ -350,13 +349,13 @@ class _Course:
 
     def __init__(
         self,
-        rules: JointTrajectoryRules,
-        state: JointTrajectoryState,
+        system: JointTrajectoryControllerSystemState,
         time_ns: int,
         sense: Callable[[int, Array], TickInputs],
         dt: float,
     ) -> None:
         """Take what a tick has left at a time, and what gives the inputs of others."""
+        rules, state = system.inbox.rules, system.control
         plan, trajectory = state.plan, state.plan.trajectory
         assert trajectory is not None
         self.rules, self.trajectory, self.sense = rules, trajectory, sense
@@ -394,12 +393,8 @@ class SteadyTrajectory:
         sense: Callable[[int, Array], TickInputs],
         dt: float,
     ) -> None:
-        """Take the state that a tick has left, and what gives the inputs of others.
-
-        `dt` is the period [s].
-        """
-        rules, state = system.inbox.rules, system.control
-        self._take(system, _Course(rules, state, time_ns, sense, dt))
+        """Take the state that a tick has left; `dt` is the period [s]."""
+        self._take(system, _Course(system, time_ns, sense, dt))
 
     def _take(
         self, system: JointTrajectoryControllerSystemState, course: "_Course"
@@ -488,6 +483,13 @@ class SteadyTrajectory:
             return None
         values = command_of_pid(course.rules, ahead, np.array(output)).tolist()
         return values if math.isfinite(sum(values)) else None
+
+    def commands_ahead(self, times_ns: Sequence[int]) -> Array | None:
+        """Return the positions that ticks command; None where they judge the path."""
+        course = self._course
+        if course.path is not None or not course.rules.is_plain:
+            return None
+        return course.ahead.at_all([t + course.ahead_ns for t in times_ns])
 
     def _sample(self, time_ns: int) -> Sample:
         sample = self._course.trajectory.sample(time_ns, self._last.cursor)
@@ -714,8 +716,7 @@ class JointTrajectoryController(
     def _deactivate(
         self, now: UpdateContext, state: JointTrajectoryControllerSystemState
     ) -> JointTrajectoryControllerSystemState:
-        new = deactivate(state.inbox.rules, state.control, self._sense(now))
-        return state._replace(control=new)
+        return state._replace(control=deactivate(state.inbox.rules, state.control))
 
     def _receive(
         self, now: UpdateContext, state: JointTrajectoryControllerSystemState

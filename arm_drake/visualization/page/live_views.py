@@ -385,8 +385,8 @@ def commanded_positions(simulation: Simulation, robot: str) -> dict[str, float]:
     follows = {j.name for j in manager.robot.description.movable_joints if j.mimic}
     measured = zip(state.name, state.position, strict=True)
     positions = {name: q for name, q in measured if name not in follows}
-    context = manager.GetMyContextFromRoot(simulation.simulator.get_context())
-    values = manager.GetOutputPort(interfaces.VALUES_PORT).Eval(context)
+    root = simulation.simulator.get_context()
+    values = manager.read_numbers(root, manager.numbers.values)
     targets = {
         name.rpartition("/")[0]: float(value)
         for name, value in zip(manager.commands, values, strict=True)

@@ -33,7 +33,7 @@ def commands_of(task: Task) -> Commands:
     options = ad.SimulationOptions(time_step=PERIOD)
     sim = ad.Simulation(ad.build_diagram(robot, options=options))
     sim.controller(robots.CONTROLLER).send_goal(make_goal(task))
-    port = sim.diagram.GetSubsystemByName("controller_manager").GetOutputPort("drive")
+    port = sim.diagram.GetSubsystemByName("commands").GetOutputPort("drive")
     rows = []
     for tick in range(task.num_ticks):
         sim.run((tick + 0.5) * PERIOD - sim.time)

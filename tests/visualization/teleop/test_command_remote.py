@@ -267,8 +267,8 @@ def test_outputs_that_nobody_touches_are_left_alone() -> None:
 def commands(sim: ad.Simulation) -> dict[str, float]:
     """Return what all command interfaces hold."""
     (manager,) = sim.directory.managers.values()
-    context = manager.GetMyContextFromRoot(sim.simulator.get_context())
-    values = manager.GetOutputPort("command_values").Eval(context)
+    root = sim.simulator.get_context()
+    values = manager.read_numbers(root, manager.numbers.values)
     return dict(zip(manager.commands, values, strict=True))
 
 
