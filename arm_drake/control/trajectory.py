@@ -343,6 +343,10 @@ class Trajectory(Message):
         """Whether segments are others once a later one has been sampled."""
         return bool(self._revisited)
 
+    def ends_with(self, sample: Sample | None) -> bool:
+        """Return whether a sample is one of the end."""
+        return sample is not None and sample.segment_end == len(self.times_ns)
+
     def sample(self, time_ns: int, cursor: int = 0, seen: int = -1) -> Sample | None:
         """Return the trajectory at a time, or None where it isn't defined.
 

@@ -99,6 +99,9 @@ class SteadyTicks(Protocol[S_co]):
     until_ns: int
     monitor_ns: int
 
+    # Whether ticks that are known ahead hang on what `allows` says.
+    is_judging: bool
+
     def report(
         self, time_ns: int, last_ns: int, motions: Array
     ) -> "tuple[S_co, SteadyTicks[S_co]] | None":
@@ -120,9 +123,12 @@ class SteadyTicks(Protocol[S_co]):
     def commands_ahead(self, times_ns: Sequence[int]) -> Array | None:
         """Return what ticks command at times, a row for each, to the bit.
 
-        That is of as many of the first as follow from the state alone, at least of one;
-        None where what is measured counts.
+        They follow from the state alone, as long as it `allows` what is measured; None
+        where what is measured counts for more.
         """
+
+    def allows(self, time_ns: int, motions: Array) -> bool:
+        """Return whether a tick that is known ahead is one; if not, it may be."""
 
     def state(self, time_ns: int, motions: Array, memory: Sequence[float]) -> S_co:
         """Return the state that this tick leaves behind."""
@@ -136,6 +142,7 @@ class SilentTicks:
     """Steady ticks of which nothing is told; some number of them, or for ever."""
 
     monitor_ns = until_ns = NEVER_NS
+    is_judging = False
 
     def report(self, time_ns: int, last_ns: int, motions: Array) -> None:
         """Return None, for there is nothing to tell."""
@@ -146,6 +153,11 @@ class SilentTicks:
         """Return None, for what is measured counts."""
         del times_ns
         return None
+
+    def allows(self, time_ns: int, motions: Array) -> bool:
+        """Return True: nothing is judged."""
+        del time_ns, motions
+        return True
 
 
 class SteadyCommand(SilentTicks, Generic[S]):

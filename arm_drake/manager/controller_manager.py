@@ -658,6 +658,8 @@ class ControllerManager(PythonSystem):
         if self._inputs.Eval(context) is not steady.inputs:
             return False
         motions = self._keeper.measure(context, reads_all=steady.reads_all)
+        if steady.is_judging and not steady.allows(self._find_time(number), motions):
+            return False
         numbers[CycleNumbers.NUMBER] = number
         start = self.numbers.servo.start
         numbers[start : start + len(row)] = row

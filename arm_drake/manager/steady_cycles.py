@@ -118,7 +118,7 @@ _NUM_BEFORE, _TIMES_AHEAD, _MOST_AHEAD = 8, 4, 128
 
 
 class CyclesAhead(NamedTuple):
-    """Cycles that follow from the state alone, whatever is measured in them."""
+    """Cycles that follow from the state alone, if what is measured is allowed."""
 
     # Number of the first one, and times of all [ns].
     first: int
@@ -183,6 +183,9 @@ class SteadyCycles:
         # What is on the ports meanwhile, and whether they read more than motions.
         self.inputs = base.cycle.inputs
         self.reads_all = any(c.system.reads_all for c in controllers)
+        # Those who judge what is measured in cycles that are known ahead.
+        self._judging = [c.ticks for c in controllers if c.ticks.is_judging]
+        self.is_judging = bool(self._judging)
         # The first cycle that isn't looked up.
         self._end_ahead = 0
         self._limit_ahead()
@@ -287,7 +290,6 @@ class SteadyCycles:
             if commands is None or not np.isfinite(commands).all():
                 self._has_ahead = False
                 return
-            values = values[: len(commands)]
             values[:, at] = commands
         positions, before, _ = layout.last(numbers)
         servo, rates = self._drive.go_on_for(self.base.mode, values, positions, before)
@@ -319,6 +321,10 @@ class SteadyCycles:
         if self._ahead is None or number >= self._end_ahead:
             return None
         return self._ahead.find(number, numbers)
+
+    def allows(self, time_ns: int, motions: Array) -> bool:
+        """Return whether a cycle that is known ahead is one, by what is measured."""
+        return all(ticks.allows(time_ns, motions) for ticks in self._judging)
 
     def state(
         self, times: tuple[int, int], numbers: Array, layout: CycleNumbers

@@ -362,7 +362,7 @@ class _Course:
         # From the time to the place on the trajectory [ns], at present and ahead.
         self.present_ns = state.clock_ns - time_ns
         self.ahead_ns = self.present_ns + rules.look_ahead_ns
-        self.is_finished = _is_last(state.desired, trajectory)
+        self.is_finished = trajectory.ends_with(state.desired)
         self.until_ns = NEVER_NS
         if not self.is_finished:
             self.until_ns = trajectory.times_ns[-1] - self.ahead_ns
@@ -402,6 +402,7 @@ class SteadyTrajectory:
         self._system, self._last, self._course = system, system.control, course
         self.until_ns, goal = course.until_ns, system.control.goal
         self.monitor_ns = NEVER_NS if goal is None else goal.monitor_ns
+        self.is_judging = course.path is not None
 
     @classmethod
     def can_follow(
@@ -420,7 +421,7 @@ class SteadyTrajectory:
         trajectory = plan.trajectory
         if trajectory is None or trajectory.changes or state.time_ns != time_ns:
             return False
-        if not _is_last(desired, trajectory):
+        if not trajectory.ends_with(desired):
             is_alone = tolerances is None or tolerances.path.is_position_only
             return state.cursor == desired.segment_start and is_alone
         is_judged = plan.cmd_timeout > 0.0 or (
@@ -459,13 +460,9 @@ class SteadyTrajectory:
         """Return the values that a tick commands; None where it has to judge them."""
         course = self._course
         path, ahead_ns = course.path, time_ns + course.ahead_ns
-        if path is None and course.rules.is_plain:
+        if course.rules.is_plain and self.allows(time_ns, motions):
             return course.ahead.at(ahead_ns)
         inputs = course.sense(time_ns, motions)
-        if path is not None and course.rules.is_plain:
-            wanted = course.present.at(time_ns + course.present_ns)
-            if path.allows(map(operator.sub, wanted, inputs.position.tolist())):
-                return course.ahead.at(ahead_ns)
         desired = self._sample(time_ns + course.present_ns)
         error = desired.position - inputs.position
         if path is not None and exceeds(error, None, None, path):
@@ -484,10 +481,19 @@ class SteadyTrajectory:
         values = command_of_pid(course.rules, ahead, np.array(output)).tolist()
         return values if math.isfinite(sum(values)) else None
 
+    def allows(self, time_ns: int, motions: Array) -> bool:
+        """Return whether what is measured is surely within the path's tolerances."""
+        course, path = self._course, self._course.path
+        if path is None:
+            return True
+        wanted = course.present.at(time_ns + course.present_ns)
+        position = course.sense(time_ns, motions).position.tolist()
+        return path.allows(map(operator.sub, wanted, position))
+
     def commands_ahead(self, times_ns: Sequence[int]) -> Array | None:
-        """Return the positions that ticks command; None where they judge the path."""
+        """Return the positions that ticks command; None where a PID does."""
         course = self._course
-        if course.path is not None or not course.rules.is_plain:
+        if not course.rules.is_plain:
             return None
         return course.ahead.at_all([t + course.ahead_ns for t in times_ns])
 
@@ -540,11 +546,6 @@ class SteadyTrajectory:
             last.scaling_factor,
         )
         return JointTrajectoryControllerSystemState(self._system.inbox, new)
-
-
-def _is_last(desired: Sample | None, trajectory: Trajectory) -> bool:
-    """Return whether a sample is of the end of a trajectory."""
-    return desired is not None and desired.segment_end == len(trajectory.times_ns)
 
 
 class JointTrajectoryController(
