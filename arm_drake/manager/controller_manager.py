@@ -652,10 +652,20 @@ class ControllerManager(PythonSystem):
         if steady is None:
             return False
         number = int(numbers.item(CycleNumbers.NUMBER)) + 1
-        row = steady.find(number, numbers)
-        if row is None or abs(context.get_time() / self.period - number) > TOLERANCE:
+        if not steady.is_known(number):
+            return False
+        if abs(context.get_time() / self.period - number) > TOLERANCE:
             return False
         if self._inputs.Eval(context) is not steady.inputs:
+            return False
+        return self._write_known(context, steady, number, numbers)
+
+    def _write_known(
+        self, context: Context, steady: SteadyCycles, number: int, numbers: Array
+    ) -> bool:
+        """Write a cycle that is computed ahead if there is one that goes on."""
+        row = steady.find(number, numbers)
+        if row is None:
             return False
         motions = self._keeper.measure(context, reads_all=steady.reads_all)
         if steady.is_judging and not steady.allows(self._find_time(number), motions):
@@ -699,6 +709,8 @@ class ControllerManager(PythonSystem):
                 return None
             self._quiet.remember(resumed)
             steady = resumed
+            if self._write_known(context, steady, number, numbers):
+                return steady
         motions = self._keeper.measure(context, reads_all=steady.reads_all)
         positions, rates, memory = layout.last(numbers)
         memory = list(memory)

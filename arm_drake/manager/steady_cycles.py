@@ -313,14 +313,16 @@ class SteadyCycles:
             end = bisect_left(self._ahead.times_ns, until_ns)
             self._end_ahead = self._ahead.first + end
 
+    def is_known(self, number: int) -> bool:
+        """Return whether a cycle may be computed ahead, and nobody has to tell more."""
+        return number < self._end_ahead
+
     def find(self, number: int, numbers: Array) -> Array | None:
         """Return what a cycle writes if it is computed ahead, else None.
 
         `numbers` are those of the last cycle; it writes `CyclesAhead.place`.
         """
-        if self._ahead is None or number >= self._end_ahead:
-            return None
-        return self._ahead.find(number, numbers)
+        return None if self._ahead is None else self._ahead.find(number, numbers)
 
     def allows(self, time_ns: int, motions: Array) -> bool:
         """Return whether a cycle that is known ahead is one, by what is measured."""
