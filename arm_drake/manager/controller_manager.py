@@ -754,7 +754,8 @@ class ControllerManager(PythonSystem):
 
     def _tick(self, context: Context, old: ManagerState) -> ManagerState:
         """Return what a cycle leads to; the old state between two cycles."""
-        if self._keeper.are_direct:
+        is_quiet = self._inputs.Eval(context) is old.cycle.inputs
+        if self._keeper.are_direct and is_quiet:
             cycle = self._find_cycle(context, old)
         else:  # Others ask for it too, and the port remembers it.
             cycle = self._cycle.Eval(context)
