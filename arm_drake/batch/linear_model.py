@@ -26,6 +26,9 @@ _ON_CIRCLE = 1e-9
 # How many systems of equations are solved at once.
 _AT_ONCE = 64
 
+# What is left of an equation that holds, beside its right side.
+_TINY = 1e-9
+
 
 class Pole(NamedTuple):
     """An eigenvalue of the closed loop."""
@@ -137,7 +140,7 @@ class LinearModel:
             of: Joint whose position it is; by default the same one.
 
         Returns:
-            The response, shape (k,).
+            The response, shape (k,); infinite at a pole that it has.
 
         Raises:
             InputError: If there is no such joint, or it isn't commanded.
@@ -238,9 +241,19 @@ def transfer(A: Array, b: Array, c: Array, z: Array) -> Array:
         resolvents[:] = -A
         resolvents[:, diagonal, diagonal] += some[:, None]
         columns = np.broadcast_to(b.astype(complex), (len(some), size))[..., None]
-        solved = np.linalg.solve(resolvents, columns)[..., 0]
-        found[first : first + _AT_ONCE] = solved @ c
+        try:
+            solved = np.linalg.solve(resolvents, columns)[..., 0] @ c
+        except np.linalg.LinAlgError:  # One of them is a pole.
+            solved = np.array([_at_pole(each, b, c) for each in resolvents])
+        found[first : first + _AT_ONCE] = solved
     return found
+
+
+def _at_pole(resolvent: Array, b: Array, c: Array) -> complex:
+    """Return a response that may be infinite: where the pole's motion is pushed."""
+    x = np.linalg.lstsq(resolvent, b.astype(complex), rcond=None)[0]
+    off = np.abs(resolvent @ x - b).max()
+    return complex(c @ x) if off <= _TINY * np.abs(b).max() else complex(math.inf)
 
 
 def margins_of(L: Array, at: Array) -> Margins:

@@ -12,6 +12,7 @@ import pytest
 
 import arm_drake as ad
 from arm_drake import cli
+from arm_drake.batch.linear_model import transfer
 from arm_drake.commands import analyze
 from arm_drake.errors import InputError
 from tests.models import LIFT, MASS, TWO_LINKS, load, trajectory_controllers
@@ -88,6 +89,14 @@ def test_responses_of_a_pid_are_those_of_its_closed_form(model) -> None:
     assert by_command == pytest.approx(P * pushed, rel=1e-5)
     assert by_effort == pytest.approx(pushed, rel=1e-5)
     assert model.stiffness("slide") == pytest.approx(P, rel=1e-5)
+
+
+def test_a_response_at_a_pole_is_infinite_if_the_pole_is_pushed_and_seen() -> None:
+    A, z = np.diag([1.0, 0.5]), np.array([1.0, 2.0])
+    apart, both = np.array([0.0, 1.0]), np.array([1.0, 1.0])
+
+    assert transfer(A, apart, both, z) == pytest.approx([2.0, 1.0 / 1.5])
+    assert transfer(A, both, both, z) == pytest.approx([math.inf, 1.0 + 1.0 / 1.5])
 
 
 def test_margins_of_a_pid_are_those_of_python_control(model) -> None:
