@@ -14,6 +14,9 @@ from arm_drake.output_files import IMAGE_FORMATS
 # A smaller step of the physics is a mistake [s].
 SMALLEST_STEP = 1e-6
 
+# Earth's gravity, as Drake has it [m/s^2].
+GRAVITY = 9.81
+
 # A longer delay is a mistake [cycles].
 LONGEST_DELAY = 10_000
 

@@ -34,7 +34,7 @@ from arm_drake.manager.loaded_controllers import (
     command_order,
     enforces_limits,
 )
-from arm_drake.options import SimulationOptions
+from arm_drake.options import GRAVITY, SimulationOptions
 from arm_drake.plant.joint_dynamics import (
     find_followers,
     sample_dynamics,
@@ -50,9 +50,6 @@ from arm_drake.plant.plant import (
     simple_joints,
     trial_plant,
 )
-
-# Standard gravity [m/s^2].
-_GRAVITY = 9.81
 
 # How far fingers are sent to let go of what they hold [m], [rad].
 _LET_GO = (1e-3, 1e-2)
@@ -274,7 +271,7 @@ def _strength(
     description: RobotDescription, limits: DriveLimits, samples: DynamicsSamples
 ) -> np.ndarray:
     """Return efforts that lift twice the whole robot [N], at arm's length [N·m]."""
-    weight = _GRAVITY * total_mass(description)
+    weight = GRAVITY * total_mass(description)
     largest = samples.max_gravity[~limits.is_prismatic].max(initial=0.0)
     torque = max(weight * reach(description), largest)
     return np.where(limits.is_prismatic, 2.0 * weight, 2.0 * torque)

@@ -50,9 +50,6 @@ _MOST_RECORDED = 5_000
 # at most [s]; in a recording the simulated time between two, and no limit.
 _PERIOD, _SHARE = 0.1, 0.25
 
-# The arrow of a robot's weight is so long, in parts of the robot's size.
-_WEIGHT_LENGTH, _GRAVITY, _SMALLEST_SIZE = 0.5, 9.81, 0.1
-
 
 class Display(ABC):
     """Draws the messages of one topic."""
@@ -244,19 +241,13 @@ class _Forces(Display):
         super().__init__(live, topic, path)
         simulation = live.simulation
         poses = simulation.link_poses(self._robot).values()
-        points = np.array([pose.translation() for pose in poses])
-        size = max(float(np.linalg.norm(np.ptp(points, axis=0))), _SMALLEST_SIZE)
         mass = 1.0
         if live.views.has_physics:
             model = simulation.plant.GetModelInstanceByName(self._robot)
             plant, root = simulation.plant, simulation.context
             mass = plant.CalcTotalMass(plant.GetMyContextFromRoot(root), [model])
-        self._arrows = ContactArrows(
-            live.page.meshcat,
-            topic.strip("/"),
-            force=max(mass * _GRAVITY, 1e-3),
-            length=_WEIGHT_LENGTH * size,
-        )
+        name = topic.strip("/")
+        self._arrows = ContactArrows.of_robot(live.page.meshcat, name, mass, poses)
 
     def clear(self) -> None:
         """Draw nothing."""
