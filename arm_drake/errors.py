@@ -137,10 +137,16 @@ def _likeness(name: str, other: str) -> float:
     return difflib.SequenceMatcher(None, other, name).ratio()
 
 
-def find_close(name: str, known: Iterable[str]) -> str | None:
-    """Return the known name that another one may mean, if there is any."""
-    close = difflib.get_close_matches(name, sorted(set(known)), n=1, cutoff=0.5)
+def find_close(name: str, known: Iterable[str], likeness: float = 0.5) -> str | None:
+    """Return the known name that another one may mean, if any is so much alike."""
+    close = difflib.get_close_matches(name, list(known), n=1, cutoff=likeness)
     return close[0] if close else None
+
+
+def did_you_mean(name: str, known: Iterable[str], likeness: float = 0.6) -> str:
+    """Return the end of a message about a name: "; did you mean ...?" or ""."""
+    close = find_close(name, known, likeness)
+    return "" if close is None else f"; did you mean {close!r}?"
 
 
 def suggest(name: str, known: Iterable[str]) -> str:
@@ -168,8 +174,8 @@ def suggest_file(path: Path) -> str:
     suffix = path.suffix.lower()
     names = sorted(each.name for each in files if each.suffix.lower() == suffix)
     stems = {Path(each).stem.lower(): each for each in names}
-    close = difflib.get_close_matches(path.stem.lower(), stems, n=1, cutoff=0.6)
-    if close:
-        return f"; did you mean {stems[close[0]]!r}?"
+    close = find_close(path.stem.lower(), stems, 0.6)
+    if close is not None:
+        return f"; did you mean {stems[close]!r}?"
     found = first_names([*map(repr, names)], _MAX_FILES)
     return f"; there are {found}" if names else ""
