@@ -5,7 +5,7 @@ with the parts that are known.
 """
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -110,6 +110,29 @@ def check_type(name: str, value: object, kind: Any, expected: str) -> None:
     """Raise InputError unless an argument is of a kind, one that isinstance takes."""
     if not isinstance(value, kind):
         raise InputError(f"{name}: expected {expected}, got {value!r}")
+
+
+def check_known(
+    kind: str,
+    name: object,
+    known: Collection[str],
+    *,
+    argument: str = "",
+    where: str | None = None,
+) -> None:
+    """Raise InputError unless a name, of a kind of things, is one of those known.
+
+    Args:
+        kind: What is named, such as "joint".
+        name: The name.
+        known: The names of all there are.
+        argument: The argument that names it, if the message is to say so.
+        where: Place of the name.
+    """
+    if name not in known:
+        start = f"{argument}: " if argument else ""
+        problem = f"{start}no {kind} {name!r}; {suggest(str(name), known)}"
+        raise InputError(problem, where=where)
 
 
 def quoted(names: Iterable[str]) -> str:

@@ -14,7 +14,7 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from arm_drake.arrays import is_number
 from arm_drake.description.robot import Robot
-from arm_drake.errors import InputError, quoted, suggest
+from arm_drake.errors import InputError, check_known, quoted, suggest
 from arm_drake.manager.loaded_controllers import ControllerState
 from arm_drake.messages import (
     Duration,
@@ -213,8 +213,7 @@ def choose_robot(simulation: Runner, name: str | None) -> tuple[Robot, str]:
     """
     robots = simulation.robots
     name = next(iter(robots)) if name is None else name
-    if name not in robots:
-        raise InputError(f"robot: no robot {name!r}; {suggest(name, robots)}")
+    check_known("robot", name, robots, argument="robot")
     return robots[name], f"{name}/" if len(robots) > 1 else ""
 
 

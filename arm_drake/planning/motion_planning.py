@@ -25,6 +25,7 @@ from arm_drake.description.robot import Robot
 from arm_drake.errors import (
     InputError,
     MissingExtraError,
+    check_known,
     counted,
     first_names,
     suggest,
@@ -230,8 +231,7 @@ def plan(robot: Robot | Running, to: Target | Sequence[Target], **options: Any) 
     """
     names = [field.name for field in dc.fields(PlanOptions)]
     for name in options:
-        if name not in names:
-            raise InputError(f"plan: no option {name!r}; {suggest(name, names)}")
+        check_known("option", name, names, argument="plan")
     chosen = PlanOptions(**options)
     return plan_in(find_setting(robot, chosen), to, chosen)
 

@@ -21,7 +21,7 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Context
 
 from arm_drake.description.joints import WORLD
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import InputError, check_known
 
 _SHAPES = (Box, Capsule, Cylinder, Ellipsoid, Sphere)
 
@@ -111,8 +111,7 @@ def check_link(name: str, links: Iterable[str], where: str | None = None) -> Non
         text = f"{name!r} is the world itself, it carries nothing"
         raise InputError(text, where=where)
     known = [each for each in links if each.rpartition("/")[2] != WORLD]
-    if name not in known:
-        raise InputError(f"no link {name!r}; {suggest(name, known)}", where=where)
+    check_known("link", name, known, where=where)
 
 
 def split_payloads(

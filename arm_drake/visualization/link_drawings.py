@@ -43,7 +43,7 @@ from arm_drake.description.inertia import DENSITY
 from arm_drake.description.joints import WORLD
 from arm_drake.description.meshes.reading import read_surfaces
 from arm_drake.description.urdf import RobotDescription
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import check_known
 from arm_drake.plant.contact import hull_triangles, hull_vertices
 
 # A robot without shapes whose links are all in one place counts as so large [m].
@@ -469,8 +469,7 @@ class LinkDrawings:
 
     def show(self, kind: str, is_shown: bool = True) -> None:
         """Show or hide one of `KINDS`; raise InputError if it is none."""
-        if kind not in KINDS:
-            raise InputError(f"no drawing {kind!r}; {suggest(kind, KINDS)}")
+        check_known("drawing", kind, KINDS)
         if is_shown == (kind in self._shown):
             return
         if not is_shown:

@@ -16,7 +16,7 @@ from pydrake.multibody.tree import RigidBody
 
 from arm_drake.controllers import list_types
 from arm_drake.description.ros2_control import HardwareInfo
-from arm_drake.errors import ArmDrakeError, InputError, suggest
+from arm_drake.errors import ArmDrakeError, InputError, check_known, suggest
 from arm_drake.manager import MANAGER, SWITCH_PORT, ControllerManager
 from arm_drake.manager.loaded_controllers import LoadedController
 from arm_drake.messages import (
@@ -262,8 +262,7 @@ class _ManagerServices:
     def _set_component(self, call: Call) -> Fields:
         name = call.request["name"]
         names = [block.name for block in self._manager.robot.description.hardware]
-        if name not in names:
-            raise InputError(f"no hardware component {name!r}; {suggest(name, names)}")
+        check_known("hardware component", name, names)
         target = call.request["target_state"]
         state = target["label"] or {v: k for k, v in STATES.items()}.get(target["id"])
         if state != "active":
@@ -420,8 +419,7 @@ class Parameters:
             raise InputError("parameters of a manager can't change while it runs")
         values = self.values(node)
         for name in changes:
-            if name not in values:
-                raise InputError(f"no parameter {name!r}; {suggest(name, values)}")
+            check_known("parameter", name, values)
         self._simulation.controller(controller).set_parameters(changes)
 
 

@@ -14,7 +14,7 @@ from pydrake.multibody.tree import BodyIndex, RigidBody
 from pydrake.systems.framework import Context
 
 from arm_drake.arrays import Array
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import check_known
 from arm_drake.options import GRAVITY
 from arm_drake.plant.kinematics import KinematicPlant
 from arm_drake.visualization.page.parts import Live, Part
@@ -228,8 +228,7 @@ class Hands(Part):
         )
 
     def _find(self, name: str) -> RigidBody:
-        if name not in self.bodies:
-            raise InputError(f"no body {name!r}; {suggest(name, self.bodies)}")
+        check_known("body", name, self.bodies)
         return self._plant.get_body(self.bodies[name])
 
     def _drag(self, value: object) -> None:

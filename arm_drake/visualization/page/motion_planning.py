@@ -17,7 +17,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from arm_drake.description.joints import last_master
 from arm_drake.description.robot import Robot
-from arm_drake.errors import ArmDrakeError, InputError, suggest
+from arm_drake.errors import ArmDrakeError, InputError, check_known
 from arm_drake.planning.groups import PlanningGroup, find_state, planning_groups
 from arm_drake.planning.orientation_constraint import OrientationConstraint
 from arm_drake.plant.plant import transform_of
@@ -220,10 +220,7 @@ class MotionPlanning:
 
     def set_group(self, label: str) -> None:
         """Plan for another group; the goal is where it is now."""
-        if label not in self._groups:
-            raise InputError(
-                f"no planning group {label!r}; {suggest(label, self._groups)}"
-            )
+        check_known("planning group", label, self._groups)
         self.clear()
         self._label, self._frame = label, self._group.tip
         self._is_position_only = self._group.is_position_only
@@ -231,10 +228,7 @@ class MotionPlanning:
 
     def set_frame(self, frame: str) -> None:
         """Let the pose be that of another link; the goal stays."""
-        if frame not in self._frames():
-            raise InputError(
-                f"frame: no link {frame!r}; {suggest(frame, self._frames())}"
-            )
+        check_known("link", frame, self._frames(), argument="frame")
         self._frame = frame
         self._take(self._begin().positions, _POSE)
 

@@ -15,7 +15,7 @@ from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.description.source_files import FileWatcher, file_of, watched_files
 from arm_drake.description.srdf import GroupState, find_group_states
-from arm_drake.errors import ArmDrakeError, InputError, suggest
+from arm_drake.errors import ArmDrakeError, check_known
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.initial_poses import place_free_links
 from arm_drake.plant.joint_ranges import (
@@ -286,8 +286,7 @@ class RobotViewer:
             InputError: If the robot has no such link.
         """
         names = (WORLD, *self.robot.description.links)
-        if link not in names:
-            raise InputError(f"fixed frame: no link {link!r}; {suggest(link, names)}")
+        check_known("link", link, names, argument="fixed frame")
         self._fixed_frame = link
         set_ground_visible(self.page.meshcat, is_visible=link == WORLD)
         self.page.patch({"fixed_frame": {"value": link}})
