@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from arm_drake.description.elements import ElementReader
-from arm_drake.description.joints import JointInfo, last_master
+from arm_drake.description.joints import last_master
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros2_control import ComponentInfo, HardwareInfo
 from arm_drake.description.urdf import RobotDescription
@@ -96,7 +96,7 @@ def find_initial_positions(
             problem = f"expected a finite number, got {position!r}"
             raise InputError(problem, where=f"joint {name!r}")
         if joint.mimic is None:
-            lower, upper = _limits(joint)
+            lower, upper = joint.limits.range
             positions[name] = min(max(position, lower), upper)
             if positions[name] != position:
                 what = f"initial position {position} is outside [{lower}, {upper}]"
@@ -118,14 +118,6 @@ def find_initial_positions(
             where, file = f"joint {name!r}", description.file
             report.add("warning", "invalid", what, done, where=where, file=file)
     return {name: positions[name] for name in movable}
-
-
-def _limits(joint: JointInfo) -> tuple[float, float]:
-    lower, upper = joint.limits.lower, joint.limits.upper
-    return (
-        -math.inf if lower is None else lower,
-        math.inf if upper is None else upper,
-    )
 
 
 def _is_finite(value: object) -> bool:

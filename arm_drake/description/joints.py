@@ -73,6 +73,12 @@ class JointLimits:
     # [rad/s] or [m/s].
     velocity: float | None = None
 
+    @property
+    def range(self) -> tuple[float, float]:
+        """Both ends, infinite where there is none."""
+        low, high = self.lower, self.upper
+        return -math.inf if low is None else low, math.inf if high is None else high
+
 
 @dc.dataclass(frozen=True)
 class Mimic:
@@ -574,10 +580,10 @@ def _fit_limits(
     report: LoadReport,
 ) -> JointLimits:
     """Return a mimic joint's limits with those of its master within, and report it."""
-    lower, upper = _ends(joint)
+    lower, upper = joint.limits.range
     name, factor, offset = last_master(joint, joints)
     # 0 times infinity is no number, but a joint that stays where it is.
-    ends = [factor * end if factor else 0.0 for end in _ends(joints[name])]
+    ends = [factor * end if factor else 0.0 for end in joints[name].limits.range]
     low, high = (offset + end for end in sorted(ends))
     below = lower - low if low < lower else 0.0
     above = high - upper if high > upper else 0.0
@@ -607,12 +613,6 @@ def _fit_limits(
         lower=low if math.isfinite(low) else None,
         upper=high if math.isfinite(high) else None,
     )
-
-
-def _ends(joint: JointInfo) -> tuple[float, float]:
-    """Return the limits of a joint, infinite where it has none [rad] or [m]."""
-    lower, upper = joint.limits.lower, joint.limits.upper
-    return -math.inf if lower is None else lower, math.inf if upper is None else upper
 
 
 class _Finder(ElementReader):

@@ -156,6 +156,11 @@ class RobotDescription:
         return tuple(joint for joint in self.joints if joint.is_movable)
 
     @property
+    def independent_joints(self) -> tuple[JointInfo, ...]:
+        """The movable joints that follow no other."""
+        return tuple(joint for joint in self.movable_joints if joint.mimic is None)
+
+    @property
     def roots(self) -> tuple[str, ...]:
         """The links that no joint attaches to anything, the world left out."""
         children = {joint.child for joint in self.joints}

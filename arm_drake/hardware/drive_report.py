@@ -185,7 +185,7 @@ def report_friction(
     report: LoadReport,
 ) -> None:
     """Report dry friction that gives way at this step, and isn't made up for."""
-    joints = {j.name: j for j in robot.description.movable_joints if j.mimic is None}
+    joints = {joint.name: joint for joint in robot.description.independent_joints}
     if not options.friction:
         return
     claimed = claimed_interfaces(robot, controllers)
@@ -272,7 +272,7 @@ def find_obstacles(
     others = sorted({name.rpartition("/")[2] for name in claimed} - {"position"})
     systems = [c.system for c in controllers if c.system is not None]
     ranging = [s.name for s in robot.sensors if interfaces.RANGE in s.interfaces]
-    passive = [j.name for j in movable if j.mimic is None and j.name not in driven]
+    passive = [j.name for j in description.independent_joints if j.name not in driven]
     # What finds drive gains records what is wrong with them; that comes once more.
     ignored_report = LoadReport()
     declared_gains = find_drive_gains(robot, ignored_report)

@@ -63,14 +63,14 @@ def commanded_joints(description: RobotDescription) -> tuple[JointInfo, ...]:
 
     They are those with a command interface; mimic joints follow their master.
     """
-    movable = [joint for joint in description.movable_joints if joint.mimic is None]
     commanded = {
         component.name
         for block in description.hardware
         for component in block.joints
         if component.command_interfaces
     }
-    return tuple(joint for joint in movable if joint.name in commanded)
+    joints = description.independent_joints
+    return tuple(joint for joint in joints if joint.name in commanded)
 
 
 def effort_limits(joints: Sequence[JointInfo]) -> list[float]:
@@ -153,7 +153,7 @@ def make_robot_drive(
         plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, 0.0])
     rows = [(declared_gains or {}).get(joint.name, DriveGains()) for joint in joints]
     pid = DrivePid([r.position_pid for r in rows], [r.velocity_pid for r in rows])
-    is_passive = n < len([j for j in description.movable_joints if j.mimic is None])
+    is_passive = n < len(description.independent_joints)
     known = samples.with_rotors(rotors)
     gains = _make_gains(
         joints,

@@ -89,7 +89,7 @@ def planning_groups(robot: Robot) -> dict[str, PlanningGroup]:
 
 def _find_groups(robot: Robot) -> dict[str, PlanningGroup]:
     joints = {joint.name: joint for joint in robot.description.movable_joints}
-    own = {name for name, joint in joints.items() if joint.mimic is None}
+    own = {joint.name for joint in robot.description.independent_joints}
     groups: dict[str, tuple[tuple[str, ...], str | None]] = {}
     grippers = {joint.name for joint in find_gripper_joints(robot)}
     for group in find_groups(robot, robot.report):
@@ -309,7 +309,7 @@ def takes_positions(controller: ControllerConfig) -> bool:
 
 
 def _made_of(robot: Robot, names: tuple[str, ...]) -> PlanningGroup:
-    own = [j.name for j in robot.description.movable_joints if j.mimic is None]
+    own = [joint.name for joint in robot.description.independent_joints]
     for name in names:
         check_known("joint", name, own)
     if not names:

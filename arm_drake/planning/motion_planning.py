@@ -714,8 +714,8 @@ def _list_targets(to: Any) -> list[Target]:
 
 
 def _independent(robot: Robot, positions: Mapping[str, float]) -> dict[str, float]:
-    joints = robot.description.movable_joints
-    return {j.name: positions[j.name] for j in joints if j.mimic is None}
+    joints = robot.description.independent_joints
+    return {joint.name: positions[joint.name] for joint in joints}
 
 
 def _describe_collisions(model: CollisionModel, x: np.ndarray) -> str:

@@ -229,7 +229,7 @@ def _set_up_running(running: Running, options: PlanOptions) -> Setting:
             )
         positions = _within_limits(robot, positions)
     else:
-        own = {j.name for j in robot.description.movable_joints if j.mimic is None}
+        own = {joint.name for joint in robot.description.independent_joints}
         measured = {joint: q for joint, q in positions.items() if joint in own}
         positions = complete_positions(robot, {**measured, **options.start})
     things = (*scene.things, *_shapes_of(payloads))

@@ -488,8 +488,8 @@ class MotionPlanning:
 
     def _own(self, positions: Mapping[str, float]) -> dict[str, float]:
         """Return positions of independent joints."""
-        joints = self._robot.description.movable_joints
-        return {j.name: float(positions[j.name]) for j in joints if j.mimic is None}
+        joints = self._robot.description.independent_joints
+        return {joint.name: float(positions[joint.name]) for joint in joints}
 
     def _shift(self) -> RigidTransform:
         """Return how far the base is from where the robot is loaded."""
@@ -663,9 +663,8 @@ class ViewedRobot:
 
     def options(self, robot: str) -> dict[str, Any]:
         """Return where plans start."""
-        movable = self._viewer.robot.description.movable_joints
-        own = [joint.name for joint in movable if joint.mimic is None]
-        return {"start": {name: self._viewer.positions[name] for name in own}}
+        own = self._viewer.robot.description.independent_joints
+        return {"start": {j.name: self._viewer.positions[j.name] for j in own}}
 
     def planned(self, robot: str) -> Robot:
         """Return the robot."""
@@ -686,8 +685,8 @@ class ViewedRobot:
         if self._moving is None:
             return ""
         positions, is_over = self._moving.now()
-        movable = self._viewer.robot.description.movable_joints
-        own = {joint.name for joint in movable if joint.mimic is None}
+        joints = self._viewer.robot.description.independent_joints
+        own = {joint.name for joint in joints}
         self._viewer.set_positions({n: q for n, q in positions.items() if n in own})
         if is_over:
             self._moving = None

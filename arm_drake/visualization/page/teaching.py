@@ -28,7 +28,7 @@ _DIGITS = 6
 
 def find_trajectory_controllers(robot: Robot) -> dict[str, tuple[str, ...]]:
     """Return the joints of each trajectory controller of a robot."""
-    own = {j.name for j in robot.description.movable_joints if j.mimic is None}
+    own = {joint.name for joint in robot.description.independent_joints}
     found = {}
     for controller in robot.controllers.controllers:
         parameter = controller.parameters.get("joints")
