@@ -42,6 +42,7 @@ from arm_drake.arrays import Array
 from arm_drake.description.inertia import DENSITY
 from arm_drake.description.joints import WORLD
 from arm_drake.description.meshes.reading import read_surfaces
+from arm_drake.description.meshes.surfaces import stack
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import check_known
 from arm_drake.plant.contact import hull_triangles, hull_vertices
@@ -242,11 +243,7 @@ def collision_solid(
 
 def _read_triangles(path: Path, scale: NDArray[np.float64]) -> Triangles:
     surfaces = read_surfaces(path, path.read_bytes(), tuple(scale.tolist()), [])
-    starts = np.cumsum([0, *(len(surface.vertices) for surface in surfaces)])
-    return _pack(
-        np.concatenate([surface.vertices for surface in surfaces]),
-        np.concatenate([s.faces + at for s, at in zip(surfaces, starts, strict=False)]),
-    )
+    return _pack(*stack(surfaces))
 
 
 def _from_triangles(mesh: TriangleSurfaceMesh) -> Triangles:

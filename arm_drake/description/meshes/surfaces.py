@@ -227,9 +227,15 @@ def move(surface: Surface, matrix: Array) -> Surface:
     return dc.replace(surface, faces=faces, **columns)
 
 
+def stack(surfaces: list[Surface]) -> tuple[Array, NDArray[np.int64]]:
+    """Return the vertices of surfaces, shape (n, 3), and triangles, shape (m, 3)."""
+    starts = np.cumsum([0, *(len(s.vertices) for s in surfaces)])
+    faces = [s.faces + n for s, n in zip(surfaces, starts, strict=False)]
+    return np.concatenate([s.vertices for s in surfaces]), np.concatenate(faces)
+
+
 def join(surfaces: list[Surface]) -> Surface:
     """Return surfaces that have colours and normals as one, with colours by vertex."""
-    starts = np.cumsum([0, *(len(s.vertices) for s in surfaces)])
     colors = [
         np.tile(np.array(s.color), (len(s.vertices), 1))
         if s.vertex_colors is None
@@ -237,8 +243,7 @@ def join(surfaces: list[Surface]) -> Surface:
         for s in surfaces
     ]
     return Surface(
-        np.concatenate([s.vertices for s in surfaces]),
-        np.concatenate([s.faces + n for s, n in zip(surfaces, starts, strict=False)]),
+        *stack(surfaces),
         normals=np.concatenate([np.asarray(s.normals) for s in surfaces]),
         vertex_colors=np.concatenate(colors),
     )
