@@ -9,7 +9,7 @@ import json
 import socket
 import time
 import uuid
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 from urllib.parse import urlsplit
 
@@ -606,16 +606,11 @@ class Rosbridge:
         waiting.client.send(answer)
 
     def _do_advertise_service(self, client: Client, content: dict[str, Any]) -> None:
-        name = _name(content, "service")
-        if name in self.server.graph.services:
-            raise InputError(f"service {name!r} is the simulation's own")
-        self.services[name] = _Served(str(content.get("type", "")), client)
+        own = self.server.graph.services
+        _advertise(self.services, own, "service", client, content)
 
     def _do_unadvertise_service(self, client: Client, content: dict[str, Any]) -> None:
-        name = _name(content, "service")
-        if name not in self.services or self.services[name].client is not client:
-            raise InputError(f"service {name!r} isn't this client's")
-        del self.services[name]
+        _unadvertise(self.services, "service", client, content)
 
     def _do_send_goal(self, client: Client, content: dict[str, Any]) -> None:
         name, id_ = _name(content, "action"), content.get("id")
@@ -671,16 +666,10 @@ class Rosbridge:
         self._submit(client, content, "cancel", name, {}, goal_id=goal)
 
     def _do_advertise_action(self, client: Client, content: dict[str, Any]) -> None:
-        name = _name(content, "action")
-        if name in self.server.graph.actions:
-            raise InputError(f"action {name!r} is the simulation's own")
-        self.actions[name] = _Served(str(content.get("type", "")), client)
+        _advertise(self.actions, self.server.graph.actions, "action", client, content)
 
     def _do_unadvertise_action(self, client: Client, content: dict[str, Any]) -> None:
-        name = _name(content, "action")
-        if name not in self.actions or self.actions[name].client is not client:
-            raise InputError(f"action {name!r} isn't this client's")
-        del self.actions[name]
+        _unadvertise(self.actions, "action", client, content)
 
     def _do_from_server(self, client: Client, content: dict[str, Any]) -> None:
         """Pass on what a client says of a goal of another one."""
@@ -753,6 +742,30 @@ def _name(content: Mapping[str, Any], field: str) -> str:
     if not isinstance(name, str) or not name.strip("/") or len(name) > 500:
         raise InputError(f"{content.get('op')}: expected {field}, a name")
     return f"/{name.strip('/')}"
+
+
+def _advertise(
+    served: dict[str, _Served],
+    own: Collection[str],
+    kind: str,
+    client: Client,
+    content: Mapping[str, Any],
+) -> None:
+    """Let a client serve what the simulation doesn't serve itself."""
+    name = _name(content, kind)
+    if name in own:
+        raise InputError(f"{kind} {name!r} is the simulation's own")
+    served[name] = _Served(str(content.get("type", "")), client)
+
+
+def _unadvertise(
+    served: dict[str, _Served], kind: str, client: Client, content: Mapping[str, Any]
+) -> None:
+    """Let a client serve something no longer."""
+    name = _name(content, kind)
+    if name not in served or served[name].client is not client:
+        raise InputError(f"{kind} {name!r} isn't this client's")
+    del served[name]
 
 
 def _number(content: Mapping[str, Any], field: str, default: float) -> float:
