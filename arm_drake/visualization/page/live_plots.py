@@ -310,8 +310,3 @@ class LivePlots(Part):
         """Tell the page of other curves, with all rows."""
         self._num_new = 0
         self._live.page.set_plot(self.curves, self.rows)
-
-
-def make_plots(live: Live) -> LivePlots:
-    """Return the section of a simulation."""
-    return LivePlots(live)

@@ -25,7 +25,7 @@ from arm_drake.simulation.mailbox import GoalHandle
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.ghost import Ghost
 from arm_drake.visualization.link_drawings import draw_triad
-from arm_drake.visualization.page.live_views import LiveViews
+from arm_drake.visualization.page.parts import Drawn
 from arm_drake.visualization.page.scene import Event, Scene
 from arm_drake.visualization.page.widgets import (
     Button,
@@ -693,22 +693,10 @@ class ViewedRobot:
         return "there" if is_over else ""
 
 
-class Simulated(Protocol):
-    """What runs a simulation on a page: a LiveSimulation."""
-
-    @property
-    def simulation(self) -> Simulation:
-        """What runs now."""
-
-    @property
-    def views(self) -> LiveViews:
-        """What is drawn of it."""
-
-
 class SimulatedRobots:
     """The robots of a simulation, as those that are planned for."""
 
-    def __init__(self, live: Simulated) -> None:
+    def __init__(self, live: Drawn) -> None:
         """Create it."""
         self._live = live
         self._goal: GoalHandle | None = None
