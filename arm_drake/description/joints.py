@@ -395,8 +395,8 @@ def read_joint(element: ET.Element, file: Path, report: LoadReport) -> JointInfo
     return JointInfo(
         name=name,
         type=joint_type,
-        parent=_child_attribute(element, "parent", "link", reader),
-        child=_child_attribute(element, "child", "link", reader),
+        parent=_link_of(element, "parent", reader),
+        child=_link_of(element, "child", reader),
         limits=_limits(element.find("limit"), joint_type, reader),
         mimic=None
         if mimic is None
@@ -424,14 +424,12 @@ def _safety_controller(
     return SafetyController(**{n: v for n, v in values.items() if v is not None})
 
 
-def _child_attribute(
-    element: ET.Element, tag: str, attribute: str, reader: ElementReader
-) -> str:
+def _link_of(element: ET.Element, tag: str, reader: ElementReader) -> str:
     child = element.find(tag)
-    value = None if child is None else child.get(attribute)
-    if not value:
-        raise reader.error(f'expected <{tag} {attribute}="...">')
-    return value
+    link = None if child is None else child.get("link")
+    if not link:
+        raise reader.error(f'expected <{tag} link="...">')
+    return link
 
 
 def _report_lacking(

@@ -452,9 +452,9 @@ def check_at_least(owner: Any, low: float, *names: str) -> None:
     _require(owner, names, lambda x: low <= x < math.inf, f"at least {low:g}")
 
 
-def check_above(owner: Any, low: float, *names: str) -> None:
-    """Raise ValueError for a number that isn't finite and above ``low``."""
-    _require(owner, names, lambda x: low < x < math.inf, f"above {low:g}")
+def check_positive(owner: Any, *names: str) -> None:
+    """Raise ValueError for a number that isn't finite and above 0."""
+    _require(owner, names, lambda x: 0.0 < x < math.inf, "above 0")
 
 
 def check_not_zero(owner: Any, *names: str) -> None:

@@ -96,9 +96,9 @@ class Runner(Running, Protocol):
         """Return what a camera sees."""
 
 
-def is_above(value: Any, *, above: float) -> bool:
-    """Return whether something is a finite number above another."""
-    return is_number(value) and above < value < math.inf
+def is_positive(value: Any) -> bool:
+    """Return whether something is a finite number above 0."""
+    return is_number(value) and 0.0 < value < math.inf
 
 
 def read_options(kind: type[T], action: str, options: Mapping[str, Any]) -> T:
