@@ -9,6 +9,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+def clamp(values: Array, low: Array, high: Array) -> Array:
+    """Return values within limits; numpy's clip does the same, slower."""
+    return np.minimum(np.maximum(values, low), high)
+
+
 def cross(a: Array, b: Array) -> Array:
     """Return a cross product of two vectors; numpy's takes ten times as long."""
     (x, y, z), (u, v, w) = a.tolist(), b.tolist()

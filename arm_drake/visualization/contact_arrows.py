@@ -55,7 +55,7 @@ class ContactArrows:
     def show(self, contacts: ContactsState) -> None:
         """Draw the forces on a robot in place of those before."""
         forces = [
-            (_array(point), _array(wrench.force) * self._length / self._force)
+            (to_array(point), to_array(wrench.force) * self._length / self._force)
             for state in contacts.states
             for point, wrench in zip(
                 state.contact_positions, state.wrenches, strict=True
@@ -99,5 +99,6 @@ def _stretch(point: Array, rod: Array | None) -> Array:
     return X
 
 
-def _array(vector: Vector3) -> Array:
+def to_array(vector: Vector3) -> Array:
+    """Return a vector or point of a message, shape (3,)."""
     return np.array([vector.x, vector.y, vector.z])
