@@ -41,7 +41,8 @@ class JointPlugin:
     """A plugin that moves or reports joints.
 
     Its kinds have many fields: what `dataclass` would compile for each of them, at each
-    start, takes a third of the time of their import, and is here once.
+    start, takes a third of the time of their import, and is here once. Nor is there an
+    ``__init__`` of what only some of them have in common.
     """
 
     def __eq__(self, other: object) -> bool:
@@ -224,7 +225,7 @@ class JointStatePublisher(JointPlugin):
     topic: str = ""
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False)
+@dc.dataclass(frozen=True, eq=False, repr=False, init=False)
 class BaseHolder(JointPlugin):
     """A plugin that sets the velocity of the robot's base, whatever it takes."""
 
@@ -247,7 +248,7 @@ class VelocityControl(BaseHolder):
     link_names: tuple[str, ...] = tags("link_name")
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+@dc.dataclass(frozen=True, eq=False, repr=False, init=False, kw_only=True)
 class ClassicBase(JointPlugin):
     """What Gazebo Classic's plugins that move bases have in common."""
 
@@ -337,7 +338,7 @@ class GazeboRosJointPoseTrajectory(JointPlugin):
     remappings: tuple[str, ...] = tags("ros/remapping", "ros/argument")
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+@dc.dataclass(frozen=True, eq=False, repr=False, init=False, kw_only=True)
 class WheelDrive(JointPlugin):
     """What Gazebo Sim's plugins that drive bases on wheels have in common."""
 
@@ -379,7 +380,7 @@ class WheelDrive(JointPlugin):
         return ()
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+@dc.dataclass(frozen=True, eq=False, repr=False, init=False, kw_only=True)
 class LimitedDrive(WheelDrive):
     """One that has limits of linear and of turning speed; NaN is the limit of both."""
 
@@ -496,7 +497,7 @@ class AckermannSteering(WheelDrive):
         return not (is_of_wheels and self.is_steering_alone)
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+@dc.dataclass(frozen=True, eq=False, repr=False, init=False, kw_only=True)
 class ClassicDrive(ClassicBase):
     """One that turns wheels."""
 
