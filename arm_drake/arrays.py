@@ -1,5 +1,6 @@
 """Types of arrays and numbers."""
 
+import math
 from numbers import Real
 
 import numpy as np
@@ -23,3 +24,11 @@ def cross(a: Array, b: Array) -> Array:
 def is_number(value: object) -> bool:
     """Return whether something is a number, of Python's or numpy's, and no bool."""
     return isinstance(value, Real) and not isinstance(value, bool | np.bool_)
+
+
+def is_finite(value: object) -> bool:
+    """Return whether something is a number, and finite as a float."""
+    try:
+        return is_number(value) and math.isfinite(value)  # type: ignore[arg-type]
+    except OverflowError:  # An integer that no float is as large as.
+        return False

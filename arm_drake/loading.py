@@ -481,7 +481,7 @@ def _check_pose(pose: Sequence[float] | None) -> Pose | None:
 def _finite(value: object, where: str) -> float:
     try:
         number = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
         raise InputError(f"expected a finite number, got {value!r}", where=where)

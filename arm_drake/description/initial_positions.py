@@ -1,9 +1,9 @@
 """Initial positions of joints, as `<ros2_control>` and the user give them."""
 
-import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from arm_drake.arrays import is_finite
 from arm_drake.description.elements import ElementReader
 from arm_drake.description.joints import last_master
 from arm_drake.description.report import LoadReport
@@ -92,7 +92,7 @@ def find_initial_positions(
     positions: dict[str, float] = {}
     for name, joint in movable.items():
         position = requested.get(name, values.get(name, 0.0))
-        if not _is_finite(position):
+        if not is_finite(position):
             problem = f"expected a finite number, got {position!r}"
             raise InputError(problem, where=f"joint {name!r}")
         if joint.mimic is None:
@@ -118,7 +118,3 @@ def find_initial_positions(
             where, file = f"joint {name!r}", description.file
             report.add("warning", "invalid", what, done, where=where, file=file)
     return {name: positions[name] for name in movable}
-
-
-def _is_finite(value: object) -> bool:
-    return isinstance(value, int | float) and math.isfinite(value)

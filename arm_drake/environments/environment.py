@@ -26,7 +26,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
-from arm_drake.arrays import Array, is_number
+from arm_drake.arrays import Array, is_finite, is_number
 from arm_drake.description.controllers import ControllerConfig
 from arm_drake.description.entry import Source
 from arm_drake.description.robot import Robot
@@ -353,7 +353,7 @@ class Environment(gymnasium.Env[Array, Array]):
             text = f"expected an Evaluation(reward, is_terminated, info), got {found!r}"
             raise InputError(f"{name}.evaluate: {text}")
         found = Evaluation(*found)
-        if not (is_number(found.reward) and math.isfinite(found.reward)):
+        if not is_finite(found.reward):
             text = f"expected a finite number as reward, got {found.reward!r}"
             raise InputError(f"{name}.evaluate: {text}")
         if not isinstance(found.info, Mapping):

@@ -17,7 +17,7 @@ from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import JacobianWrtVariable
 
-from arm_drake.arrays import is_number
+from arm_drake.arrays import is_finite, is_number
 from arm_drake.description.joints import joints_above, last_master
 from arm_drake.description.robot import Robot
 from arm_drake.errors import (
@@ -655,7 +655,7 @@ class _Kinematics:
         q = np.zeros(self._plant.num_positions())
         for name, value in positions.items():
             check_known("joint", name, self.at)
-            if not (is_number(value) and math.isfinite(value)):
+            if not is_finite(value):
                 problem = f"expected a finite number [rad or m], got {value!r}"
                 raise InputError(f"joint {name!r}: {problem}")
         for name, (master, factor, offset) in self._masters.items():

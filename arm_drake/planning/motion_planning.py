@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 from pydrake.math import RigidTransform
 
-from arm_drake.arrays import is_number
+from arm_drake.arrays import is_finite
 from arm_drake.description.robot import Robot
 from arm_drake.errors import (
     InputError,
@@ -559,7 +559,7 @@ def _find_positions(
                 f"to: joint {name!r} is not of group {problem.group.name!r}, which "
                 f"has {', '.join(joints)}"
             )
-        if not (is_number(value) and math.isfinite(value)):
+        if not is_finite(value):
             raise InputError(
                 f"to: joint {name!r}: expected a finite number, got {value!r}"
             )

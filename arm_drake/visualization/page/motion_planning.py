@@ -15,6 +15,7 @@ import numpy as np
 from pydrake.geometry import Rgba
 from pydrake.math import RigidTransform, RollPitchYaw
 
+from arm_drake.arrays import is_finite
 from arm_drake.description.joints import last_master
 from arm_drake.description.robot import Robot
 from arm_drake.errors import ArmDrakeError, InputError, check_known
@@ -249,7 +250,7 @@ class MotionPlanning:
         goal = self._begin()
         for index, (name, _) in enumerate(_NUMBERS):
             value = numbers.pop(name, goal.pose[index])
-            if not (isinstance(value, int | float) and math.isfinite(value)):
+            if not is_finite(value):
                 raise InputError(f"{name}: expected a finite number, got {value!r}")
             goal.pose[index] = float(value)
         if numbers:
