@@ -5,7 +5,6 @@ from typing import Final
 
 import numpy as np
 from pydrake.geometry import Role, SceneGraph
-from pydrake.multibody.plant import MultibodyPlant
 
 from arm_drake import interfaces
 from arm_drake.description.drive_gains import find_drive_gains, holds_joints
@@ -248,7 +247,7 @@ def report_fallback(obstacles: Sequence[str], report: LoadReport) -> None:
         report.add("warning", "unsupported", f"fast: {obstacle}", done, where=PRESET)
 
 
-def find_world_obstacles(plant: MultibodyPlant, scene_graph: SceneGraph) -> list[str]:
+def find_world_obstacles(scene_graph: SceneGraph) -> list[str]:
     """Return why nothing can be simulated with "fast" in a world; empty if it can."""
     inspector = scene_graph.model_inspector()
     names = [

@@ -269,7 +269,6 @@ class Servo:
         self._set_gain()
         self._set_limits()
         base = next(iter(self.robot.description.links))
-        self._base = base
         self._kinematics = PlantKinematics(
             self.robot.description, self.robot.initial_positions, self.joints, base
         )
