@@ -3,7 +3,6 @@
 import argparse
 import atexit
 import contextlib
-import difflib
 import errno
 import functools
 import gc
@@ -38,7 +37,7 @@ from arm_drake.commands.arguments import (
     read_frames,
     read_initial,
 )
-from arm_drake.errors import ArmDrakeError, InputError
+from arm_drake.errors import ArmDrakeError, InputError, did_you_mean
 from arm_drake.importing import without_collection
 from arm_drake.output_files import unbroken
 
@@ -86,13 +85,12 @@ def _refuse(words: Sequence[str], options: argparse.Namespace) -> NoReturn:
     """End the process for words that a command doesn't take."""
     parser = _Parser(prog=f"arm-drake {options.command}")
     _COMMANDS[options.command].add_arguments(parser)
-    word, close = words[0], []
+    word, hint = words[0], ""
     if word.startswith("-"):
         known = re.findall(r"--[a-z-]+", parser.format_help())
-        close = difflib.get_close_matches(word.partition("=")[0], known, 1)
+        hint = did_you_mean(word.partition("=")[0], known)
     elif "=" in word and hasattr(options, "xacro_args"):
-        close = [word.replace("=", XACRO, 1)]
-    hint = f"; did you mean {close[0]!r}?" if close else ""
+        hint = f"; did you mean {word.replace('=', XACRO, 1)!r}?"
     parser.error(f"unrecognized arguments: {' '.join(words)}{hint}")
 
 

@@ -322,7 +322,7 @@ def _find_obstacles(
     """Return why each robot can't be simulated with the preset that was chosen."""
     if setting.options.preset != "fast":
         return []
-    around = find_world_obstacles(plant, scene_graph)
+    around = find_world_obstacles(scene_graph)
     return [
         around + find_obstacles(part.robot, part.controllers, setting.options)
         for part in parts

@@ -5,7 +5,7 @@ with the parts that are known.
 """
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -112,6 +112,29 @@ def check_type(name: str, value: object, kind: Any, expected: str) -> None:
         raise InputError(f"{name}: expected {expected}, got {value!r}")
 
 
+def check_known(
+    kind: str,
+    name: object,
+    known: Collection[str],
+    *,
+    argument: str = "",
+    where: str | None = None,
+) -> None:
+    """Raise InputError unless a name, of a kind of things, is one of those known.
+
+    Args:
+        kind: What is named, such as "joint".
+        name: The name.
+        known: The names of all there are.
+        argument: The argument that names it, if the message is to say so.
+        where: Place of the name.
+    """
+    if name not in known:
+        start = f"{argument}: " if argument else ""
+        problem = f"{start}no {kind} {name!r}; {suggest(str(name), known)}"
+        raise InputError(problem, where=where)
+
+
 def quoted(names: Iterable[str]) -> str:
     """Return names as a message lists them."""
     return ", ".join(map(repr, names))
@@ -137,10 +160,16 @@ def _likeness(name: str, other: str) -> float:
     return difflib.SequenceMatcher(None, other, name).ratio()
 
 
-def find_close(name: str, known: Iterable[str]) -> str | None:
-    """Return the known name that another one may mean, if there is any."""
-    close = difflib.get_close_matches(name, sorted(set(known)), n=1, cutoff=0.5)
+def find_close(name: str, known: Iterable[str], likeness: float = 0.5) -> str | None:
+    """Return the known name that another one may mean, if any is so much alike."""
+    close = difflib.get_close_matches(name, list(known), n=1, cutoff=likeness)
     return close[0] if close else None
+
+
+def did_you_mean(name: str, known: Iterable[str], likeness: float = 0.6) -> str:
+    """Return the end of a message about a name: "; did you mean ...?" or ""."""
+    close = find_close(name, known, likeness)
+    return "" if close is None else f"; did you mean {close!r}?"
 
 
 def suggest(name: str, known: Iterable[str]) -> str:
@@ -168,8 +197,8 @@ def suggest_file(path: Path) -> str:
     suffix = path.suffix.lower()
     names = sorted(each.name for each in files if each.suffix.lower() == suffix)
     stems = {Path(each).stem.lower(): each for each in names}
-    close = difflib.get_close_matches(path.stem.lower(), stems, n=1, cutoff=0.6)
-    if close:
-        return f"; did you mean {stems[close[0]]!r}?"
+    close = find_close(path.stem.lower(), stems, 0.6)
+    if close is not None:
+        return f"; did you mean {stems[close]!r}?"
     found = first_names([*map(repr, names)], _MAX_FILES)
     return f"; there are {found}" if names else ""

@@ -13,7 +13,7 @@ from arm_drake.controllers import ControllerType, check_controller_types
 from arm_drake.description.bridge import find_bridge_files, load_bridges, split_bridges
 from arm_drake.description.claimed_hardware import hardware_from_controllers
 from arm_drake.description.control_files import default_controllers, find_control_files
-from arm_drake.description.controllers import MANAGER, ControllerManagerConfig
+from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.controllers import (
     load_controllers as load_controllers_config,
 )
@@ -302,13 +302,16 @@ def _read_controllers(
     files = find_control_files(controllers, description, packages, bundled, report)
     if files is None:
         return bridges, default_controllers(description, report)
+    # Without a tag the manager has its usual name, and no name space.
+    tags = [p for p in description.joint_plugins if isinstance(p, Ros2ControlPlugin)]
+    tag = tags[0] if tags else Ros2ControlPlugin()
     return bridges, load_controllers_config(
         files,
         dict(arguments["variables"] or {}),
         report,
         packages=packages,
-        manager=_manager_name(description),
-        namespace=arguments["namespace"] or _namespace_of(description),
+        manager=tag.manager,
+        namespace=arguments["namespace"] or tag.namespace,
         plugins=gazebo_nodes(description),
     )
 
@@ -398,20 +401,6 @@ def _try(loading: _Loading, robot: Robot) -> None:
     report.add_lines(loading.places.find)
 
 
-def _manager_name(description: RobotDescription) -> str:
-    """Return what the Gazebo plugin tag calls the controller manager."""
-    plugins = description.joint_plugins
-    names = [p.manager for p in plugins if isinstance(p, Ros2ControlPlugin)]
-    return names[0] if names else MANAGER
-
-
-def _namespace_of(description: RobotDescription) -> str:
-    """Return the name space in which the Gazebo plugin tag starts it."""
-    plugins = description.joint_plugins
-    names = [p.namespace for p in plugins if isinstance(p, Ros2ControlPlugin)]
-    return names[0] if names else ""
-
-
 def _has_free_base(
     description: RobotDescription, config: ControllerManagerConfig
 ) -> bool:
@@ -481,7 +470,7 @@ def _check_pose(pose: Sequence[float] | None) -> Pose | None:
 def _finite(value: object, where: str) -> float:
     try:
         number = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
         raise InputError(f"expected a finite number, got {value!r}", where=where)

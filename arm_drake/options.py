@@ -8,11 +8,14 @@ from types import NoneType
 from typing import NamedTuple
 
 from arm_drake.arrays import is_number
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import InputError, check_known, suggest
 from arm_drake.output_files import IMAGE_FORMATS
 
 # A smaller step of the physics is a mistake [s].
 SMALLEST_STEP = 1e-6
+
+# Earth's gravity, as Drake has it [m/s^2].
+GRAVITY = 9.81
 
 # A longer delay is a mistake [cycles].
 LONGEST_DELAY = 10_000
@@ -146,10 +149,7 @@ class SimulationOptions:
             _check_type(field.name, field.type, getattr(self, field.name))
         if isinstance(self.gravity, tuple):
             object.__setattr__(self, "gravity", _vector("gravity", self.gravity))
-        if self.preset not in PRESETS:
-            raise InputError(
-                f"no preset {self.preset!r}; {suggest(self.preset, PRESETS)}"
-            )
+        check_known("preset", self.preset, PRESETS)
         if not SMALLEST_STEP <= self.largest_step < math.inf:
             raise InputError(
                 f"time_step must be at least {SMALLEST_STEP} s, got {self.time_step!r}"

@@ -225,8 +225,8 @@ def _robot_at(robot: Robot, simulation: Simulation) -> Robot:
     """Return a robot that starts as it is now in a simulation."""
     states = simulation.joint_states(robot.name)
     now = dict(zip(states.name, map(float, states.position), strict=True))
-    joints = robot.description.movable_joints
-    initial = {j.name: now[j.name] for j in joints if j.mimic is None}
+    joints = robot.description.independent_joints
+    initial = {joint.name: now[joint.name] for joint in joints}
     options = {**robot.load_options, "initial_positions": initial}
     pose = robot.pose
     if robot.has_free_base:

@@ -481,6 +481,7 @@ def test_a_pose_is_six_numbers():
         ([1, 2], "pose: expected x, y, z [m], roll, pitch, yaw [rad], got [1, 2]"),
         ([0, 0, 0, 0, 0, "x"], "pose: expected a finite number, got 'x'"),
         ([0, 0, math.nan, 0, 0, 0], "pose: expected a finite number, got nan"),
+        ([10**400, 0, 0, 0, 0, 0], f"pose: expected a finite number, got {10**400}"),
     ],
 )
 def test_another_pose_is_an_error(pose, message):
@@ -562,6 +563,10 @@ def test_a_mimic_joint_starts_where_its_master_says(package):
         ),
         ({"joint1": math.nan}, "joint 'joint1': expected a finite number, got nan"),
         ({"joint1": "up"}, "joint 'joint1': expected a finite number, got 'up'"),
+        (
+            {"joint1": 10**400},
+            f"joint 'joint1': expected a finite number, got {10**400}",
+        ),
     ],
 )
 def test_a_bad_initial_position_is_an_error(positions, message):

@@ -432,10 +432,14 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
     gazebo.find_system(drives.GazeboRosDiffDrive): lambda: gazebo.make_plugin(
         [
             drives.GazeboRosDiffDrive(
-                ("joint",), ("joint",), publish_odom=True, publish_odom_tf=True
+                ("joint",),
+                ("joint",),
+                publish_odom=True,
+                publish_odom_tf=True,
+                base_link="base",
             )
         ],
-        controller_params(),
+        dc.replace(controller_params(), links=("base",)),
     ),
     AdmittanceController: make_admittance_controller,
     DiffDriveController: lambda: DiffDriveController(

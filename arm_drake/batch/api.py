@@ -18,7 +18,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from numbers import Integral
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeVar, overload
+from typing import Any, Literal, NamedTuple, TypedDict, TypeVar, Unpack, overload
 
 from arm_drake.batch.processes import (
     NO_LIMITS,
@@ -392,18 +392,24 @@ Backend = Literal["auto", "serial", "threads", "processes"]
 _BACKENDS = ("auto", "serial", "threads", "processes")
 
 
+class _ExecutionOptions(TypedDict, total=False):
+    """What `run_many` and `iterate_many` take alike, for type checkers."""
+
+    workers: int | None
+    backend: Backend
+    on: Any
+    to: str | Path | None
+    time_limit: float | None
+    memory_limit: int | None
+    progress: bool | None
+
+
 @overload
 def run_many(
     runs: Iterable[Run],
     *,
-    workers: int | None = ...,
-    backend: Backend = ...,
-    on: Any = ...,
-    to: str | Path | None = ...,
-    time_limit: float | None = ...,
-    memory_limit: int | None = ...,
-    progress: bool | None = ...,
     raise_errors: bool = ...,
+    **execution: Unpack[_ExecutionOptions],
 ) -> RunResults[Outcome]: ...
 
 
@@ -412,14 +418,8 @@ def run_many(
     runs: Iterable[Run],
     *,
     keep: Callable[[Simulation], Value],
-    workers: int | None = ...,
-    backend: Backend = ...,
-    on: Any = ...,
-    to: str | Path | None = ...,
-    time_limit: float | None = ...,
-    memory_limit: int | None = ...,
-    progress: bool | None = ...,
     raise_errors: bool = ...,
+    **execution: Unpack[_ExecutionOptions],
 ) -> RunResults[Value]: ...
 
 
@@ -428,14 +428,8 @@ def run_many(
     runs: Iterable[Input],
     function: Callable[[Input], Value],
     *,
-    workers: int | None = ...,
-    backend: Backend = ...,
-    on: Any = ...,
-    to: str | Path | None = ...,
-    time_limit: float | None = ...,
-    memory_limit: int | None = ...,
-    progress: bool | None = ...,
     raise_errors: bool = ...,
+    **execution: Unpack[_ExecutionOptions],
 ) -> RunResults[Value]: ...
 
 
@@ -519,14 +513,8 @@ def _collect(execution: "_Execution", *, raise_errors: bool) -> RunResults[Any]:
 def iterate_many(
     runs: Iterable[Run],
     *,
-    workers: int | None = ...,
-    backend: Backend = ...,
-    on: Any = ...,
-    to: str | Path | None = ...,
-    time_limit: float | None = ...,
-    memory_limit: int | None = ...,
-    progress: bool | None = ...,
     ordered: bool = ...,
+    **execution: Unpack[_ExecutionOptions],
 ) -> Iterator[RunResult[Outcome]]: ...
 
 
@@ -535,14 +523,8 @@ def iterate_many(
     runs: Iterable[Run],
     *,
     keep: Callable[[Simulation], Value],
-    workers: int | None = ...,
-    backend: Backend = ...,
-    on: Any = ...,
-    to: str | Path | None = ...,
-    time_limit: float | None = ...,
-    memory_limit: int | None = ...,
-    progress: bool | None = ...,
     ordered: bool = ...,
+    **execution: Unpack[_ExecutionOptions],
 ) -> Iterator[RunResult[Value]]: ...
 
 
@@ -551,14 +533,8 @@ def iterate_many(
     runs: Iterable[Input],
     function: Callable[[Input], Value],
     *,
-    workers: int | None = ...,
-    backend: Backend = ...,
-    on: Any = ...,
-    to: str | Path | None = ...,
-    time_limit: float | None = ...,
-    memory_limit: int | None = ...,
-    progress: bool | None = ...,
     ordered: bool = ...,
+    **execution: Unpack[_ExecutionOptions],
 ) -> Iterator[RunResult[Value]]: ...
 
 

@@ -17,7 +17,7 @@ from arm_drake.description.gazebo_plugins import (
 from arm_drake.description.parameters import Parameter
 from arm_drake.description.robot import Robot
 from arm_drake.description.ros2_control import ComponentInfo, PidGains
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import InputError, check_known, suggest
 
 
 class Gains(NamedTuple):
@@ -237,8 +237,7 @@ def _change(robot: Robot, name: str, value: float) -> Robot:
         return _set_parameter(robot, rest, value)
     if kind == "initial":
         known = robot.initial_positions
-        if rest not in known:
-            raise InputError(f"no joint {rest!r}; {suggest(rest, known)}")
+        check_known("joint", rest, known)
         if not math.isfinite(value):
             raise InputError(f"expected a finite number, got {value:g}")
         return dc.replace(robot, initial_positions={**known, rest: value})
@@ -284,8 +283,7 @@ def _set_gain(robot: Robot, joint: str, gain: str, value: float) -> Robot:
     pids = {pid.joint: pid for pid in find_pids(robot)}
     if joint not in pids:
         raise InputError(f"joint {joint!r} has no PID; {suggest(joint, pids)}")
-    if gain not in Gains._fields:
-        raise InputError(f"no gain {gain!r}; {suggest(gain, Gains._fields)}")
+    check_known("gain", gain, Gains._fields)
     gains = pids[joint].gains._replace(**{gain: value})
     return with_gains(robot, {joint: gains}, list(pids.values()))
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from arm_drake.arrays import Array
-from arm_drake.errors import InputError, MissingExtraError, counted, suggest
+from arm_drake.errors import InputError, MissingExtraError, check_known, counted
 
 # An eigenvalue that is smaller is of what ends within a period.
 _ENDED = 1e-4
@@ -225,8 +225,7 @@ class LinearModel:
 
 
 def _index(joint: str, names: Sequence[str]) -> int:
-    if joint not in names:
-        raise InputError(f"no joint {joint!r}; {suggest(str(joint), names)}")
+    check_known("joint", joint, names)
     return names.index(joint)
 
 

@@ -33,7 +33,7 @@ from arm_drake.controllers.joint_trajectory.state import JointTrajectoryState
 from arm_drake.controllers.pid_controller import PidControllerState
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import InputError, check_known
 from arm_drake.interfaces import EFFORT, POSITION
 from arm_drake.manager import ControllerManager
 from arm_drake.manager.state import ManagerState
@@ -119,8 +119,7 @@ def _placed(robot: Robot, at: str | Mapping[str, float] | None) -> Robot:
         at = find_state(find_group(robot, None), at)
     known = robot.initial_positions
     for name in at:
-        if name not in known:
-            raise InputError(f"at: no joint {name!r}; {suggest(name, known)}")
+        check_known("joint", name, known, argument="at")
     return dc.replace(robot, initial_positions={**known, **at})
 
 

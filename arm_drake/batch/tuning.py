@@ -39,7 +39,7 @@ from arm_drake.messages import (
     Twist,
     Vector3,
 )
-from arm_drake.options import SimulationOptions
+from arm_drake.options import GRAVITY, SimulationOptions
 from arm_drake.plant.joint_dynamics import velocity_map
 from arm_drake.plant.joint_ranges import find_gripper_joints, joint_ranges, randomize
 from arm_drake.plant.payloads import check_link
@@ -91,10 +91,6 @@ class Response(NamedTuple):
 
     # When the last joint has come to stay within 5 % of its step [s].
     settling_time: float
-
-    def is_better(self, other: "Response") -> bool:
-        """Return whether all three are."""
-        return all(mine < theirs for mine, theirs in zip(self, other, strict=True))
 
     def __str__(self) -> str:
         """Return it in words."""
@@ -563,7 +559,7 @@ def _sample_plants(
         for link, (_, mass) in payloads.items():
             J = _jacobian(plant, context, link)
             M = M + mass * J.T @ J
-            tau = tau - mass * 9.81 * J[2]
+            tau = tau - mass * GRAVITY * J[2]
         largest = np.maximum(largest, np.diag(N.T @ M @ N))
         weight = np.maximum(weight, np.abs(N.T @ tau))
     rolled = _rolled_mass(rig, plant)

@@ -18,7 +18,7 @@ from typing import Annotated, Any, Final, Literal, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_drake.arrays import Array
+from arm_drake.arrays import Array, clamp
 from arm_drake.description.parameters import ParameterGroup, Rule, check_finite
 from arm_drake.messages import Message
 
@@ -272,7 +272,7 @@ class Pid(Message):
         command = self.p * error + used + self.d * error_rate
         if not self._has_u_clamp and self._back is None:
             return command, grown
-        limited = _clamp(command, self.u_clamp_min, self.u_clamp_max)
+        limited = clamp(command, self.u_clamp_min, self.u_clamp_max)
         if gained is not None and (
             self._conditional is not None or self._back is not None
         ):
@@ -284,7 +284,7 @@ class Pid(Message):
         grown = i_term if gained is None else i_term + gained
         if not self._has_i_clamp:
             return grown
-        return _clamp(grown, self.i_clamp_min, self.i_clamp_max)
+        return clamp(grown, self.i_clamp_min, self.i_clamp_max)
 
     def _unwind(
         self, gained: Array, error: Array, command: Array, excess: Array, dt: float
@@ -306,7 +306,7 @@ class Pid(Message):
     ) -> tuple[Array, Array]:
         """Return the commands and the new integrals of the error; all is finite."""
         grown = integral + dt * error
-        i_term = _clamp(self.i * grown, self.i_clamp_min, self.i_clamp_max)
+        i_term = clamp(self.i * grown, self.i_clamp_min, self.i_clamp_max)
         is_clamped = self.antiwindup & (self.i != 0.0)
         np.divide(i_term, self.i, out=grown, where=is_clamped)
         return self.p * error + i_term + self.d * error_rate, grown
@@ -404,11 +404,6 @@ class PlainPids:
 
 def _array(gains: Sequence[Any], name: str) -> Array:
     return np.array([getattr(one, name) for one in gains], dtype=float)
-
-
-def _clamp(values: Array, low: Array, high: Array) -> Array:
-    # np.clip does the same, slower.
-    return np.minimum(np.maximum(values, low), high)
 
 
 AntiwindupStrategy = Literal[

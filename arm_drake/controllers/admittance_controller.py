@@ -366,14 +366,14 @@ def make_status(tick: AdmittanceTick) -> AdmittanceControllerState:
         admittance_position=TransformStamped(
             header,
             "admittance_offset",
-            Transform(_vectors(frames.displacement)[0], _quaternion(moved)),
+            Transform(_vectors(frames.displacement)[0], _orientation(moved)),
         ),
-        rot_base_control=_quaternion(frames.R_BC),
+        rot_base_control=_orientation(frames.R_BC),
         ref_trans_base_ft=TransformStamped(
             header,
             "ft_reference",
             Transform(
-                Vector3(*tick.X_BR[:3, 3].tolist()), _quaternion(tick.X_BR[:3, :3])
+                Vector3(*tick.X_BR[:3, 3].tolist()), _orientation(tick.X_BR[:3, :3])
             ),
         ),
         ft_sensor_frame=String(setup.sensor),
@@ -386,9 +386,8 @@ def _vectors(x: Array) -> tuple[Vector3, Vector3]:
     return Vector3(*values[:3]), Vector3(*values[3:])
 
 
-def _quaternion(R: Array) -> Quaternion:
-    q = RotationMatrix(R).ToQuaternion()
-    return Quaternion(q.x(), q.y(), q.z(), q.w())
+def _orientation(R: Array) -> Quaternion:
+    return Quaternion.from_wxyz(RotationMatrix(R).ToQuaternion().wxyz())
 
 
 # What a joint is commanded, in the order of rows of commands and references.

@@ -1,7 +1,6 @@
 """Controller types that run here, by their ros2_control names, and types that don't."""
 
 import dataclasses as dc
-import difflib
 import functools
 import importlib
 import os
@@ -15,7 +14,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
-from arm_drake.errors import InputError
+from arm_drake.errors import InputError, did_you_mean
 from arm_drake.importing import without_collection
 
 if TYPE_CHECKING:
@@ -395,8 +394,8 @@ def describe_unknown(
     if other is not None:
         closest = f"; the closest type is {other.closest}" if other.closest else ""
         return "error", f"{what} is not simulated: {other.does}{closest}", done
-    types = list(known)
-    close = difflib.get_close_matches(name, types, n=1, cutoff=0.8)
-    close += [type_ for type_ in types if type_.rpartition("/")[2] == name]
-    hint = f"; did you mean {close[0]!r}?" if close else ""
+    same = [type_ for type_ in known if type_.rpartition("/")[2] == name]
+    hint = did_you_mean(name, known, 0.8)
+    if same and not hint:
+        hint = f"; did you mean {same[0]!r}?"
     return "error", f"unknown {what}{hint}", done

@@ -6,7 +6,6 @@ controller that has a type.
 """
 
 import dataclasses as dc
-import difflib
 import os
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -17,7 +16,7 @@ from arm_drake.description.packages import PackageFinder
 from arm_drake.description.parameters import Parameter, Parameters, load_parameters
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.description.ros_parameters import ParameterReader, Section
-from arm_drake.errors import PackageError, ParameterError, suggest
+from arm_drake.errors import PackageError, ParameterError, find_close, suggest
 
 DEFAULT_UPDATE_RATE = 100  # Hz
 MAX_UPDATE_RATE = 10_000  # Hz
@@ -492,7 +491,7 @@ class ManagedControllers:
         }
         severity: Severity = "warning"
         what, at = "no 'type' is given", next(iter(members.values()))
-        for key in difflib.get_close_matches("type", members, 1):
+        if (key := find_close("type", members, 0.6)) is not None:
             severity, what, at = "error", f"{what}, but {key!r}", members[key]
         self._note(f"{self.node}.{name}", at, what, severity, "it is not spawned")
 

@@ -8,7 +8,6 @@ Ignition on, of its class. The fields of those that concern joints are in
 
 import collections
 import dataclasses as dc
-import difflib
 import math
 import re
 import xml.etree.ElementTree as ET
@@ -38,7 +37,7 @@ from arm_drake.description.gazebo_plugins import (
     WheelDrive,
 )
 from arm_drake.description.report import LoadReport
-from arm_drake.errors import suggest
+from arm_drake.errors import MISSPELT, find_close, suggest
 
 # Libraries, without "lib" and ".so".
 _ROS2_CONTROL = re.compile(r"gazebo_ros2_control|(ign|gz)_ros2_control-system")
@@ -401,8 +400,8 @@ class _FieldReader(ElementReader):
 
 def _hint(tag: str, known: Collection[str]) -> str:
     """Return what a tag that isn't known may have meant, in brackets, or ""."""
-    close = difflib.get_close_matches(tag, sorted(known), n=1, cutoff=0.85)
-    return f" (did you mean {close[0]!r}?)" if close else ""
+    close = find_close(tag, known, MISSPELT)
+    return f" (did you mean {close!r}?)" if close else ""
 
 
 def _odometry_problem(typed: OdometryPublisher) -> str | None:

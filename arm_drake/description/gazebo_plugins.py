@@ -41,7 +41,8 @@ class JointPlugin:
     """A plugin that moves or reports joints.
 
     Its kinds have many fields: what `dataclass` would compile for each of them, at each
-    start, takes a third of the time of their import, and is here once.
+    start, takes a third of the time of their import, and is here once. Nor is there an
+    ``__init__`` of what only some of them have in common.
     """
 
     def __eq__(self, other: object) -> bool:
@@ -224,7 +225,7 @@ class JointStatePublisher(JointPlugin):
     topic: str = ""
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False)
+@dc.dataclass(frozen=True, eq=False, repr=False, init=False)
 class BaseHolder(JointPlugin):
     """A plugin that sets the velocity of the robot's base, whatever it takes."""
 
@@ -247,24 +248,38 @@ class VelocityControl(BaseHolder):
     link_names: tuple[str, ...] = tags("link_name")
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False)
-class GazeboRosPlanarMove(BaseHolder):
-    """Sets the velocity of the robot's base by "cmd_vel", in Gazebo Classic."""
+@dc.dataclass(frozen=True, eq=False, repr=False, init=False, kw_only=True)
+class ClassicBase(JointPlugin):
+    """What Gazebo Classic's plugins that move bases have in common."""
 
-    # How often it is set, and told [Hz]; 0 is every step.
-    update_rate: float = 20.0
-    publish_rate: float = 20.0
+    # [Hz]; 0 is every step.
+    update_rate: float = 100.0
 
     odometry_frame: str = "odom"
     robot_base_frame: str = "base_footprint"
-    publish_odom: bool = True
-    publish_odom_tf: bool = True
+    publish_odom: bool = False
+    publish_odom_tf: bool = False
     covariance_x: float = 0.00001
     covariance_y: float = 0.00001
     covariance_yaw: float = 0.001
 
     namespace: str = tags("ros/namespace", default="")
     remappings: tuple[str, ...] = tags("ros/remapping", "ros/argument")
+
+    # The link that the robot hangs from.
+    base_link: str = tags(default="")
+
+
+@dc.dataclass(frozen=True, eq=False, repr=False)
+class GazeboRosPlanarMove(ClassicBase, BaseHolder):
+    """Sets the velocity of the robot's base by "cmd_vel", in Gazebo Classic."""
+
+    # How often it is set, and told [Hz]; 0 is every step.
+    update_rate: float = 20.0
+    publish_rate: float = 20.0
+
+    publish_odom: bool = True
+    publish_odom_tf: bool = True
 
 
 @dc.dataclass(frozen=True, eq=False, repr=False)
@@ -323,7 +338,7 @@ class GazeboRosJointPoseTrajectory(JointPlugin):
     remappings: tuple[str, ...] = tags("ros/remapping", "ros/argument")
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+@dc.dataclass(frozen=True, eq=False, repr=False, init=False, kw_only=True)
 class WheelDrive(JointPlugin):
     """What Gazebo Sim's plugins that drive bases on wheels have in common."""
 
@@ -365,7 +380,7 @@ class WheelDrive(JointPlugin):
         return ()
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+@dc.dataclass(frozen=True, eq=False, repr=False, init=False, kw_only=True)
 class LimitedDrive(WheelDrive):
     """One that has limits of linear and of turning speed; NaN is the limit of both."""
 
@@ -482,8 +497,18 @@ class AckermannSteering(WheelDrive):
         return not (is_of_wheels and self.is_steering_alone)
 
 
+@dc.dataclass(frozen=True, eq=False, repr=False, init=False, kw_only=True)
+class ClassicDrive(ClassicBase):
+    """One that turns wheels."""
+
+    publish_wheel_tf: bool = False
+
+    # The links that each wheel's joint connects, in Gazebo's order.
+    wheel_links: tuple[tuple[str, str], ...] = tags()
+
+
 @dc.dataclass(frozen=True, eq=False, repr=False)
-class GazeboRosDiffDrive(JointPlugin):
+class GazeboRosDiffDrive(ClassicDrive):
     """Drives pairs of wheels by "cmd_vel", in Gazebo Classic.
 
     The n-th value of a tuple is that of the n-th pair; where it is missing, the
@@ -504,28 +529,8 @@ class GazeboRosDiffDrive(JointPlugin):
     # [N·m].
     max_wheel_torque: float = 5.0
 
-    # [Hz]; 0 is every step.
-    update_rate: float = 100.0
-
     # 0 is the wheels' encoders, 1 the world.
     odometry_source: int = 1
-
-    odometry_frame: str = "odom"
-    robot_base_frame: str = "base_footprint"
-    publish_odom: bool = False
-    publish_odom_tf: bool = False
-    publish_wheel_tf: bool = False
-    covariance_x: float = 0.00001
-    covariance_y: float = 0.00001
-    covariance_yaw: float = 0.001
-
-    namespace: str = tags("ros/namespace", default="")
-    remappings: tuple[str, ...] = tags("ros/remapping", "ros/argument")
-
-    # The link that the robot hangs from, and the links that each wheel's joint
-    # connects, pair by pair, the right one first.
-    base_link: str = tags(default="")
-    wheel_links: tuple[tuple[str, str], ...] = tags()
 
     @property
     def driven_joints(self) -> tuple[str, ...]:
@@ -558,7 +563,7 @@ def _named_joint(name: str) -> Any:
 
 
 @dc.dataclass(frozen=True, eq=False, repr=False)
-class GazeboRosAckermannDrive(JointPlugin):
+class GazeboRosAckermannDrive(ClassicDrive):
     """Drives rear wheels and steers by the forces of PIDs, in Gazebo Classic."""
 
     front_right_joints: tuple[str, ...] = _named_joint("front_right_joint")
@@ -582,26 +587,7 @@ class GazeboRosAckermannDrive(JointPlugin):
     linear_velocity_pid_gain: tuple[float, ...] = ()
     linear_velocity_i_range: tuple[float, ...] = ()
 
-    # [Hz]; 0 is every step.
-    update_rate: float = 100.0
-
-    odometry_frame: str = "odom"
-    robot_base_frame: str = "base_footprint"
-    publish_odom: bool = False
-    publish_odom_tf: bool = False
-    publish_wheel_tf: bool = False
     publish_distance: bool = False
-    covariance_x: float = 0.00001
-    covariance_y: float = 0.00001
-    covariance_yaw: float = 0.001
-
-    namespace: str = tags("ros/namespace", default="")
-    remappings: tuple[str, ...] = tags("ros/remapping", "ros/argument")
-
-    # The link that the robot hangs from, and the links that each joint connects, in
-    # Gazebo's order.
-    base_link: str = tags(default="")
-    wheel_links: tuple[tuple[str, str], ...] = tags()
 
     # Of the wheels' shapes to collide with, joints at 0: radius of the right one at
     # the rear, distance of those in front, of the axles [m].

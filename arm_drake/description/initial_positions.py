@@ -1,11 +1,11 @@
 """Initial positions of joints, as `<ros2_control>` and the user give them."""
 
-import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from arm_drake.arrays import is_finite
 from arm_drake.description.elements import ElementReader
-from arm_drake.description.joints import JointInfo, last_master
+from arm_drake.description.joints import last_master
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros2_control import ComponentInfo, HardwareInfo
 from arm_drake.description.urdf import RobotDescription
@@ -92,11 +92,11 @@ def find_initial_positions(
     positions: dict[str, float] = {}
     for name, joint in movable.items():
         position = requested.get(name, values.get(name, 0.0))
-        if not _is_finite(position):
+        if not is_finite(position):
             problem = f"expected a finite number, got {position!r}"
             raise InputError(problem, where=f"joint {name!r}")
         if joint.mimic is None:
-            lower, upper = _limits(joint)
+            lower, upper = joint.limits.range
             positions[name] = min(max(position, lower), upper)
             if positions[name] != position:
                 what = f"initial position {position} is outside [{lower}, {upper}]"
@@ -118,15 +118,3 @@ def find_initial_positions(
             where, file = f"joint {name!r}", description.file
             report.add("warning", "invalid", what, done, where=where, file=file)
     return {name: positions[name] for name in movable}
-
-
-def _limits(joint: JointInfo) -> tuple[float, float]:
-    lower, upper = joint.limits.lower, joint.limits.upper
-    return (
-        -math.inf if lower is None else lower,
-        math.inf if upper is None else upper,
-    )
-
-
-def _is_finite(value: object) -> bool:
-    return isinstance(value, int | float) and math.isfinite(value)

@@ -73,6 +73,12 @@ class JointLimits:
     # [rad/s] or [m/s].
     velocity: float | None = None
 
+    @property
+    def range(self) -> tuple[float, float]:
+        """Both ends, infinite where there is none."""
+        low, high = self.lower, self.upper
+        return -math.inf if low is None else low, math.inf if high is None else high
+
 
 @dc.dataclass(frozen=True)
 class Mimic:
@@ -389,8 +395,8 @@ def read_joint(element: ET.Element, file: Path, report: LoadReport) -> JointInfo
     return JointInfo(
         name=name,
         type=joint_type,
-        parent=_child_attribute(element, "parent", "link", reader),
-        child=_child_attribute(element, "child", "link", reader),
+        parent=_link_of(element, "parent", reader),
+        child=_link_of(element, "child", reader),
         limits=_limits(element.find("limit"), joint_type, reader),
         mimic=None
         if mimic is None
@@ -418,14 +424,12 @@ def _safety_controller(
     return SafetyController(**{n: v for n, v in values.items() if v is not None})
 
 
-def _child_attribute(
-    element: ET.Element, tag: str, attribute: str, reader: ElementReader
-) -> str:
+def _link_of(element: ET.Element, tag: str, reader: ElementReader) -> str:
     child = element.find(tag)
-    value = None if child is None else child.get(attribute)
-    if not value:
-        raise reader.error(f'expected <{tag} {attribute}="...">')
-    return value
+    link = None if child is None else child.get("link")
+    if not link:
+        raise reader.error(f'expected <{tag} link="...">')
+    return link
 
 
 def _report_lacking(
@@ -574,10 +578,10 @@ def _fit_limits(
     report: LoadReport,
 ) -> JointLimits:
     """Return a mimic joint's limits with those of its master within, and report it."""
-    lower, upper = _ends(joint)
+    lower, upper = joint.limits.range
     name, factor, offset = last_master(joint, joints)
     # 0 times infinity is no number, but a joint that stays where it is.
-    ends = [factor * end if factor else 0.0 for end in _ends(joints[name])]
+    ends = [factor * end if factor else 0.0 for end in joints[name].limits.range]
     low, high = (offset + end for end in sorted(ends))
     below = lower - low if low < lower else 0.0
     above = high - upper if high > upper else 0.0
@@ -607,12 +611,6 @@ def _fit_limits(
         lower=low if math.isfinite(low) else None,
         upper=high if math.isfinite(high) else None,
     )
-
-
-def _ends(joint: JointInfo) -> tuple[float, float]:
-    """Return the limits of a joint, infinite where it has none [rad] or [m]."""
-    lower, upper = joint.limits.lower, joint.limits.upper
-    return -math.inf if lower is None else lower, math.inf if upper is None else upper
 
 
 class _Finder(ElementReader):

@@ -11,6 +11,7 @@ setup.py, says where they go. Both files are read, never executed.
 """
 
 import ast
+import contextlib
 import functools
 import glob
 import itertools
@@ -20,7 +21,7 @@ import shlex
 import shutil
 import tempfile
 import weakref
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
@@ -393,7 +394,7 @@ def _read(path: Path) -> str:
     return text
 
 
-# How far below a searched folder a package may lie, and how far above the entry file's
+# How far below a searched folder something may lie, and how far above the entry file's
 # package its workspace may begin.
 _SEARCH_DEPTH = 5
 _WORKSPACE_HEIGHT = 4
@@ -631,34 +632,38 @@ def _home() -> Path | None:
 def _packages_below(root: Path) -> Iterable[tuple[str, Path]]:
     """Return (name, folder) of the packages below a folder, the nearest one last."""
     found: list[tuple[str, Path]] = []
-    level, num_folders = [root], 0
-    for _ in range(_SEARCH_DEPTH + 1):
-        below: list[Path] = []
-        for folder in level:
-            num_folders += 1
-            if num_folders > _MAX_FOLDERS:
-                return reversed(found)
-            manifest = folder / "package.xml"
-            # Unlike that of Path, it takes folders that can't be read.
-            if os.path.isfile(manifest):
-                found.append((package_name(manifest), folder))
-            below += _subfolders(folder)
-        level = below
+    for folder in folders_below(root, _MAX_FOLDERS, _SKIPPED):
+        manifest = folder / "package.xml"
+        # Unlike that of Path, it takes folders that can't be read.
+        if os.path.isfile(manifest):
+            found.append((package_name(manifest), folder))
     return reversed(found)
 
 
-def _subfolders(folder: Path) -> list[Path]:
-    try:
-        entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
-    except OSError:
-        return []
-    return [
-        Path(entry.path)
-        for entry in entries
-        if entry.is_dir(follow_symlinks=False)
-        and not entry.name.startswith(".")
-        and entry.name not in _SKIPPED
-    ]
+def folders_below(
+    root: Path, most: int, skipped: Collection[str] = ()
+) -> Iterator[Path]:
+    """Yield a folder and those below it, the topmost first, at most so many.
+
+    Hidden ones are left out, and those of names to skip.
+    """
+    level = [root]
+    for _ in range(_SEARCH_DEPTH + 1):
+        below: list[Path] = []
+        for folder in level:
+            if most == 0:
+                return
+            most -= 1
+            yield folder
+            with contextlib.suppress(OSError):
+                below += [
+                    Path(entry.path)
+                    for entry in sorted(os.scandir(folder), key=lambda e: e.name)
+                    if entry.is_dir(follow_symlinks=False)
+                    and not entry.name.startswith(".")
+                    and entry.name not in skipped
+                ]
+        level = below
 
 
 def package_name(manifest: Path) -> str:

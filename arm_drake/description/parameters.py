@@ -16,7 +16,6 @@ before they become its fields.
 """
 
 import dataclasses as dc
-import difflib
 import functools
 import math
 import typing
@@ -25,7 +24,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from arm_drake.description.report import Kind, LoadReport, Severity
-from arm_drake.errors import ParameterError
+from arm_drake.errors import ParameterError, did_you_mean, find_close
 
 # Distributions with rules of their own, the oldest first.
 DISTROS = ("humble", "jazzy", "kilted", "rolling")
@@ -299,12 +298,7 @@ def _explain_unknown(name: str, value: Any, known: set[str], meant: set[str]) ->
     keys = {key.partition(".")[0] for key in below}
     if keys:
         return f"expected a mapping of {', '.join(sorted(keys))}, got {value!r}"
-    return f"unknown parameter{_closest(name, meant)}"
-
-
-def _closest(name: str, known: set[str]) -> str:
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.7)
-    return f"; did you mean {close[0]!r}?" if close else ""
+    return f"unknown parameter{did_you_mean(name, meant, 0.7)}"
 
 
 @functools.cache
@@ -371,12 +365,12 @@ class _Loader:
         """Return what is wrong where nothing, or something like it, is given."""
         names = {prefix + field.name for field in dc.fields(schema)}  # type: ignore[arg-type]
         others = {key: p for key, p in self._node.by_name.items() if key not in names}
-        close = difflib.get_close_matches(name, others, n=1, cutoff=0.7)
-        instead = f", {close[0]!r} is given instead" if close else ""
+        close = find_close(name, others, 0.7)
+        instead = f", {close!r} is given instead" if close else ""
         return ParameterError(
             f"is required but missing{instead}",
-            file=others[close[0]].file if close else self._node.file,
-            line=others[close[0]].line if close else None,
+            file=others[close].file if close else self._node.file,
+            line=others[close].line if close else None,
             where=f"{self._node.name}.{name}",
         )
 
@@ -458,9 +452,9 @@ def check_at_least(owner: Any, low: float, *names: str) -> None:
     _require(owner, names, lambda x: low <= x < math.inf, f"at least {low:g}")
 
 
-def check_above(owner: Any, low: float, *names: str) -> None:
-    """Raise ValueError for a number that isn't finite and above ``low``."""
-    _require(owner, names, lambda x: low < x < math.inf, f"above {low:g}")
+def check_positive(owner: Any, *names: str) -> None:
+    """Raise ValueError for a number that isn't finite and above 0."""
+    _require(owner, names, lambda x: 0.0 < x < math.inf, "above 0")
 
 
 def check_not_zero(owner: Any, *names: str) -> None:

@@ -51,6 +51,7 @@ from arm_drake.description.parameters import Parameter
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros2_control import HardwareInfo
 from arm_drake.description.urdf import RobotDescription, total_mass
+from arm_drake.options import GRAVITY
 
 OneOfJoints: TypeAlias = (
     JointPositionController
@@ -358,8 +359,7 @@ def _joints_of(plugin: JointPlugin, movable: Collection[str]) -> list[str]:
 # Steps of Gazebo's physics per second, where a world doesn't say otherwise.
 GAZEBO_RATE = 1000
 
-# Gravity [m/s^2], and a coefficient of friction that no ground exceeds.
-_GRAVITY = 9.81
+# A coefficient of friction that no ground exceeds.
 _GRIP = 2.0
 
 # What the kinds are called where a controller's type is.
@@ -543,7 +543,7 @@ def _with_torques(
             what, more = "gazebo_ros_diff_drive turns", "; they have no velocity limit"
         elif isinstance(plugin, WheelDrive):
             found = [n for n in tag.joints if joints[n].limits.effort is None]
-            weight = _GRAVITY * total_mass(description)
+            weight = GRAVITY * total_mass(description)
             torque, more = _GRIP * weight * plugin.wheel_radius, ""
             parts = "joints" if plugin.steered_joints else "wheels"
             what = f"{type(plugin).__name__} has {parts} without an effort limit:"

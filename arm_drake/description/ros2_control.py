@@ -7,7 +7,6 @@ left out.
 """
 
 import dataclasses as dc
-import difflib
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -21,7 +20,7 @@ from arm_drake.description.elements import (
     text_of,
 )
 from arm_drake.description.report import LoadReport
-from arm_drake.errors import MISSPELT, quoted, suggest
+from arm_drake.errors import MISSPELT, did_you_mean, quoted, suggest
 
 
 @dc.dataclass(frozen=True)
@@ -386,9 +385,9 @@ class _BlockReader(ElementReader):
         self.check(element, ["name", "data_type", "size"], ["param", "limits"], inside)
         parameters = self.parameters(element, inside)
         for key in parameters if is_numeric else ():
-            close = difflib.get_close_matches(key, _NUMBERS, 1, MISSPELT)
-            for meant in close if key not in _NUMBERS else ():
-                what = f"<param> {key!r}; did you mean {meant!r}?"
+            hint = did_you_mean(key, _NUMBERS, MISSPELT)
+            if hint and key not in _NUMBERS:
+                what = f"<param> {key!r}{hint}"
                 self.note("warning", "ignored", what, "it has no effect", inside)
         if is_numeric:
             low, high = (

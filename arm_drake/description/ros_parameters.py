@@ -9,7 +9,6 @@ of their own, `<NAME>` and `${NAME}`, which their scripts fill.
 """
 
 import dataclasses as dc
-import difflib
 import functools
 import math
 import os
@@ -25,7 +24,7 @@ from arm_drake import yaml_files
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.parameters import Parameter
 from arm_drake.description.report import LoadReport
-from arm_drake.errors import PackageError, ParameterError
+from arm_drake.errors import PackageError, ParameterError, find_close
 
 _TRUE = ("Y", "y", "yes", "Yes", "YES", "true", "True", "TRUE", "on", "On", "ON")
 _FALSE = ("N", "n", "no", "No", "NO", "false", "False", "FALSE", "off", "Off", "OFF")
@@ -401,9 +400,7 @@ def _means_parameters(key: str) -> bool:
     letters = re.sub(r"[\W_]", "", key).lower()
     name = PARAMETERS.replace("_", "")
     # The comparison is slow, and there may be many keys.
-    return letters.startswith("ro") and bool(
-        difflib.get_close_matches(letters, [name], cutoff=0.8)
-    )
+    return letters.startswith("ro") and find_close(letters, [name], 0.8) is not None
 
 
 class _File:

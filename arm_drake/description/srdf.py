@@ -161,7 +161,7 @@ def find_group_states(
     counts. Joints that the robot doesn't have, that follow others or that have several
     degrees of freedom are left out. The report says what can't be used at all.
     """
-    joints = {j.name for j in robot.description.movable_joints if j.mimic is None}
+    joints = {joint.name for joint in robot.description.independent_joints}
     known = {joint.name for joint in robot.description.joints}
     report = LoadReport() if report is None else report
     states: dict[tuple[str, str], GroupState] = {}

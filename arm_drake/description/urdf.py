@@ -6,7 +6,6 @@ can't take it as it stands, are lines in the load report, one for each kind.
 
 import collections
 import dataclasses as dc
-import difflib
 import functools
 import math
 import xml.etree.ElementTree as ET
@@ -52,7 +51,14 @@ from arm_drake.description.ros2_control import (
     read_hardware,
     report_hardware,
 )
-from arm_drake.errors import MISSPELT, DescriptionError, InputError, counted, suggest
+from arm_drake.errors import (
+    MISSPELT,
+    DescriptionError,
+    InputError,
+    counted,
+    find_close,
+    suggest,
+)
 
 if TYPE_CHECKING:
     from arm_drake.description.perception_sensors import PerceptionSensor
@@ -148,6 +154,11 @@ class RobotDescription:
     def movable_joints(self) -> tuple[JointInfo, ...]:
         """The joints with a degree of freedom, in the order of the file."""
         return tuple(joint for joint in self.joints if joint.is_movable)
+
+    @property
+    def independent_joints(self) -> tuple[JointInfo, ...]:
+        """The movable joints that follow no other."""
+        return tuple(joint for joint in self.movable_joints if joint.mimic is None)
 
     @property
     def roots(self) -> tuple[str, ...]:
@@ -372,8 +383,8 @@ def _unread(element: ET.Element, above: str) -> Iterator[_Ignored]:
         # Not of another name space.
         if path in _READ and name not in _READ[path] and not name.startswith("{"):
             lacking = [other for other in _READ[path] if other not in element.attrib]
-            close = difflib.get_close_matches(name, lacking, 1, MISSPELT)
-            yield _Ignored(path, name, repr(close[0]) if close else "")
+            close = find_close(name, lacking, MISSPELT)
+            yield _Ignored(path, name, repr(close) if close else "")
     for child in element:
         yield from _unread(child, path)
 
@@ -384,8 +395,8 @@ def _meant_tag(path: str) -> str:
     above, _, tag = path.rpartition("/")
     known = [each.rpartition("/") for each in (*_READ, *_OTHERS, *_MEANINGS)]
     tags = [other for parent, _, other in known if parent == above]
-    close = difflib.get_close_matches(tag, tags, 1, MISSPELT)
-    return f"<{close[0]}>" if close and path not in _MEANINGS else ""
+    close = find_close(tag, tags, MISSPELT)
+    return f"<{close}>" if close and path not in _MEANINGS else ""
 
 
 def _check_size(root: ET.Element, file: Path) -> None:

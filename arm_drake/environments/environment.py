@@ -26,12 +26,12 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
-from arm_drake.arrays import Array, is_number
+from arm_drake.arrays import Array, is_finite, is_number
 from arm_drake.description.controllers import ControllerConfig
 from arm_drake.description.entry import Source
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
-from arm_drake.errors import InputError, SimulationError, quoted, suggest
+from arm_drake.errors import InputError, SimulationError, check_known, quoted, suggest
 from arm_drake.loading import load_robot
 from arm_drake.messages import Duration, JointTrajectory, JointTrajectoryPoint
 from arm_drake.options import SimulationOptions
@@ -296,8 +296,7 @@ class Environment(gymnasium.Env[Array, Array]):
     def check_frame(self, name: str) -> None:
         """Raise InputError if there is no link of this name."""
         links = self.robot.description.links
-        if name not in links:
-            raise InputError(f"no link {name!r}; {suggest(name, links)}")
+        check_known("link", name, links)
 
     def link_pose(self, name: str) -> RigidTransform:
         """Return where a link is in the world, or raise InputError."""
@@ -354,7 +353,7 @@ class Environment(gymnasium.Env[Array, Array]):
             text = f"expected an Evaluation(reward, is_terminated, info), got {found!r}"
             raise InputError(f"{name}.evaluate: {text}")
         found = Evaluation(*found)
-        if not (is_number(found.reward) and math.isfinite(found.reward)):
+        if not is_finite(found.reward):
             text = f"expected a finite number as reward, got {found.reward!r}"
             raise InputError(f"{name}.evaluate: {text}")
         if not isinstance(found.info, Mapping):

@@ -5,7 +5,6 @@ from typing import Final
 
 import numpy as np
 from pydrake.geometry import Role, SceneGraph
-from pydrake.multibody.plant import MultibodyPlant
 
 from arm_drake import interfaces
 from arm_drake.description.drive_gains import find_drive_gains, holds_joints
@@ -185,7 +184,7 @@ def report_friction(
     report: LoadReport,
 ) -> None:
     """Report dry friction that gives way at this step, and isn't made up for."""
-    joints = {j.name: j for j in robot.description.movable_joints if j.mimic is None}
+    joints = {joint.name: joint for joint in robot.description.independent_joints}
     if not options.friction:
         return
     claimed = claimed_interfaces(robot, controllers)
@@ -248,7 +247,7 @@ def report_fallback(obstacles: Sequence[str], report: LoadReport) -> None:
         report.add("warning", "unsupported", f"fast: {obstacle}", done, where=PRESET)
 
 
-def find_world_obstacles(plant: MultibodyPlant, scene_graph: SceneGraph) -> list[str]:
+def find_world_obstacles(scene_graph: SceneGraph) -> list[str]:
     """Return why nothing can be simulated with "fast" in a world; empty if it can."""
     inspector = scene_graph.model_inspector()
     names = [
@@ -272,7 +271,7 @@ def find_obstacles(
     others = sorted({name.rpartition("/")[2] for name in claimed} - {"position"})
     systems = [c.system for c in controllers if c.system is not None]
     ranging = [s.name for s in robot.sensors if interfaces.RANGE in s.interfaces]
-    passive = [j.name for j in movable if j.mimic is None and j.name not in driven]
+    passive = [j.name for j in description.independent_joints if j.name not in driven]
     # What finds drive gains records what is wrong with them; that comes once more.
     ignored_report = LoadReport()
     declared_gains = find_drive_gains(robot, ignored_report)

@@ -34,7 +34,7 @@ from arm_drake.manager.loaded_controllers import (
     command_order,
     enforces_limits,
 )
-from arm_drake.options import SimulationOptions
+from arm_drake.options import GRAVITY, SimulationOptions
 from arm_drake.plant.joint_dynamics import (
     find_followers,
     sample_dynamics,
@@ -51,9 +51,6 @@ from arm_drake.plant.plant import (
     trial_plant,
 )
 
-# Standard gravity [m/s^2].
-_GRAVITY = 9.81
-
 # How far fingers are sent to let go of what they hold [m], [rad].
 _LET_GO = (1e-3, 1e-2)
 
@@ -66,14 +63,14 @@ def commanded_joints(description: RobotDescription) -> tuple[JointInfo, ...]:
 
     They are those with a command interface; mimic joints follow their master.
     """
-    movable = [joint for joint in description.movable_joints if joint.mimic is None]
     commanded = {
         component.name
         for block in description.hardware
         for component in block.joints
         if component.command_interfaces
     }
-    return tuple(joint for joint in movable if joint.name in commanded)
+    joints = description.independent_joints
+    return tuple(joint for joint in joints if joint.name in commanded)
 
 
 def effort_limits(joints: Sequence[JointInfo]) -> list[float]:
@@ -156,7 +153,7 @@ def make_robot_drive(
         plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, 0.0])
     rows = [(declared_gains or {}).get(joint.name, DriveGains()) for joint in joints]
     pid = DrivePid([r.position_pid for r in rows], [r.velocity_pid for r in rows])
-    is_passive = n < len([j for j in description.movable_joints if j.mimic is None])
+    is_passive = n < len(description.independent_joints)
     known = samples.with_rotors(rotors)
     gains = _make_gains(
         joints,
@@ -274,7 +271,7 @@ def _strength(
     description: RobotDescription, limits: DriveLimits, samples: DynamicsSamples
 ) -> np.ndarray:
     """Return efforts that lift twice the whole robot [N], at arm's length [N·m]."""
-    weight = _GRAVITY * total_mass(description)
+    weight = GRAVITY * total_mass(description)
     largest = samples.max_gravity[~limits.is_prismatic].max(initial=0.0)
     torque = max(weight * reach(description), largest)
     return np.where(limits.is_prismatic, 2.0 * weight, 2.0 * torque)

@@ -132,7 +132,7 @@ def find_friction(
 
     `alone` is the plant of `make_servo_plant`, with the simulation's step.
     """
-    free = [joint for joint in description.movable_joints if joint.mimic is None]
+    free = description.independent_joints
     total = sum_friction(alone, description, free)
     joints = [joint for joint, f in zip(free, total, strict=True) if f > 0.0]
     if not joints:

@@ -255,14 +255,14 @@ class BaseTruth(PythonSystem):
         X_WB = self._poses.Eval(context)[self._body]
         V_WB = self._velocities.Eval(context)[self._body]
         X_OB, R_BW = self._X_OW @ X_WB, X_WB.rotation().inverse()
-        q = X_OB.rotation().ToQuaternion()
         v, w = R_BW @ V_WB.translational(), R_BW @ V_WB.rotational()
         known = Odometry()
         if self._odometry.HasValue(context):
             known = self._odometry.Eval(context)
         time, frame = round(context.get_time() * NANOSECONDS), known.header.frame_id
         position = Point(*map(float, X_OB.translation()))
-        pose = Pose(position, Quaternion(q.x(), q.y(), q.z(), q.w()))
+        wxyz = X_OB.rotation().ToQuaternion().wxyz()
+        pose = Pose(position, Quaternion.from_wxyz(wxyz))
         twist = Twist(Vector3(*map(float, v)), Vector3(*map(float, w)))
         truth = Odometry(
             Header.from_nanoseconds(time, frame or "odom"),

@@ -198,7 +198,7 @@ def _followed(description: RobotDescription) -> dict[str, tuple[str, float]]:
 def _driven(description: RobotDescription, commands: Iterable[str]) -> frozenset[str]:
     """Return the joints with a command interface that follow no other joint."""
     commanded = {name.rpartition("/")[0] for name in commands}
-    joints = [j.name for j in description.movable_joints if j.mimic is None]
+    joints = [joint.name for joint in description.independent_joints]
     return frozenset(commanded.intersection(joints))
 
 

@@ -39,6 +39,7 @@ from arm_drake.description.robot import Robot
 from arm_drake.errors import (
     InputError,
     ParameterError,
+    check_known,
     first_names,
     suggest,
 )
@@ -538,8 +539,7 @@ def load_controllers(
     """
     names = [controller.name for controller in config.controllers]
     for name in (*active, *inactive):
-        if name not in names:
-            raise InputError(f"no controller {name!r}; {suggest(name, names)}")
+        check_known("controller", name, names)
     loader = ControllerLoader(
         config, hardware_interfaces, report, period, distro, controller_types
     )

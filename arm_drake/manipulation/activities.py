@@ -14,7 +14,7 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from arm_drake.arrays import is_number
 from arm_drake.description.robot import Robot
-from arm_drake.errors import InputError, quoted, suggest
+from arm_drake.errors import InputError, check_known, quoted, suggest
 from arm_drake.manager.loaded_controllers import ControllerState
 from arm_drake.messages import (
     Duration,
@@ -96,9 +96,9 @@ class Runner(Running, Protocol):
         """Return what a camera sees."""
 
 
-def is_above(value: Any, *, above: float) -> bool:
-    """Return whether something is a finite number above another."""
-    return is_number(value) and above < value < math.inf
+def is_positive(value: Any) -> bool:
+    """Return whether something is a finite number above 0."""
+    return is_number(value) and 0.0 < value < math.inf
 
 
 def read_options(kind: type[T], action: str, options: Mapping[str, Any]) -> T:
@@ -213,8 +213,7 @@ def choose_robot(simulation: Runner, name: str | None) -> tuple[Robot, str]:
     """
     robots = simulation.robots
     name = next(iter(robots)) if name is None else name
-    if name not in robots:
-        raise InputError(f"robot: no robot {name!r}; {suggest(name, robots)}")
+    check_known("robot", name, robots, argument="robot")
     return robots[name], f"{name}/" if len(robots) > 1 else ""
 
 

@@ -22,7 +22,7 @@ from arm_drake.manipulation.activities import (
     Runner,
     choose_robot,
     find_drive,
-    is_above,
+    is_positive,
 )
 from arm_drake.perception.boxes import FoundBox
 from arm_drake.planning.grasps import (
@@ -125,7 +125,7 @@ class PickOptions:
     def __post_init__(self) -> None:
         """Raise InputError for what can't be."""
         for name in ("approach", "lift", "retreat"):
-            if not is_above(getattr(self, name), above=0.0):
+            if not is_positive(getattr(self, name)):
                 value = getattr(self, name)
                 raise InputError(f"{name}: expected a distance [m], got {value!r}")
         for name in ("robot", "group", "camera"):
@@ -136,7 +136,7 @@ class PickOptions:
             raise InputError(f"tries: expected a number, got {self.tries!r}")
         if self.tries < 1:
             raise InputError(f"tries: expected at least 1, got {self.tries}")
-        if self.upright is not None and not is_above(self.upright, above=0.0):
+        if self.upright is not None and not is_positive(self.upright):
             raise InputError(f"upright: expected an angle [rad], got {self.upright!r}")
         if self.goal is not None:
             read_goal(self.goal)

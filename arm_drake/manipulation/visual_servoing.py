@@ -24,7 +24,7 @@ from arm_drake.manipulation.activities import (
     Activity,
     Runner,
     choose_robot,
-    is_above,
+    is_positive,
     perform,
     read_options,
 )
@@ -92,7 +92,7 @@ class FollowOptions:
             value = getattr(self, name)
             if value is None and name in ("gain", "distance"):
                 continue
-            if not is_above(value, above=0.0):
+            if not is_positive(value):
                 text = f"expected a number above 0, got {value!r}"
                 raise InputError(f"{name}: {text}")
         if self.velocity_scaling > 1.0:
@@ -269,7 +269,6 @@ class Servo:
         self._set_gain()
         self._set_limits()
         base = next(iter(self.robot.description.links))
-        self._base = base
         self._kinematics = PlantKinematics(
             self.robot.description, self.robot.initial_positions, self.joints, base
         )

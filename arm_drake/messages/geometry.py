@@ -7,6 +7,7 @@ import dataclasses as dc
 import math
 from typing import ClassVar
 
+from arm_drake.arrays import Array
 from arm_drake.messages.base import Header, Message, to_float, to_message
 
 # What `arm_drake.messages` has of it.
@@ -85,6 +86,12 @@ class Quaternion(Message):
     def from_yaw(yaw: float) -> "Quaternion":
         """Return the rotation about z by an angle [rad]."""
         return Quaternion(0.0, 0.0, math.sin(yaw / 2.0), math.cos(yaw / 2.0))
+
+    @staticmethod
+    def from_wxyz(wxyz: Array) -> "Quaternion":
+        """Return the quaternion of numbers in Drake's order, shape (4,)."""
+        w, x, y, z = wxyz.tolist()
+        return Quaternion(x, y, z, w)
 
 
 @dc.dataclass(frozen=True)

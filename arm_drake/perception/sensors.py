@@ -36,7 +36,7 @@ from arm_drake.description.perception_sensors import (
 )
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose, Robot
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import InputError, check_known, suggest
 from arm_drake.manager.connections import with_prefix
 from arm_drake.messages import Header, Message
 from arm_drake.perception.images import compress
@@ -541,8 +541,7 @@ def _check_camera(
     where = f"camera {name!r}"
     description = robot.description
     known = [*description.links, "world"]
-    if link not in known:
-        raise InputError(f"no link {link!r}; {suggest(link, known)}", where=where)
+    check_known("link", link, known, where=where)
     if not name or name in [s.name for s in description.perception_sensors]:
         problem = "a sensor is called so already" if name else "expected a name"
         raise InputError(problem, where=where)

@@ -18,7 +18,7 @@ from arm_drake.description.controllers import ControllerConfig
 from arm_drake.description.joints import joints_above, last_master
 from arm_drake.description.robot import Robot
 from arm_drake.description.srdf import find_group_states, find_groups, find_srdf_files
-from arm_drake.errors import InputError, check_type, quoted, suggest
+from arm_drake.errors import InputError, check_known, check_type, quoted, suggest
 from arm_drake.plant.joint_ranges import center, find_gripper_joints, joint_ranges
 
 # All of a pose counts: x, y, z of the world, turns about x, y, z of the frame.
@@ -89,7 +89,7 @@ def planning_groups(robot: Robot) -> dict[str, PlanningGroup]:
 
 def _find_groups(robot: Robot) -> dict[str, PlanningGroup]:
     joints = {joint.name: joint for joint in robot.description.movable_joints}
-    own = {name for name, joint in joints.items() if joint.mimic is None}
+    own = {joint.name for joint in robot.description.independent_joints}
     groups: dict[str, tuple[tuple[str, ...], str | None]] = {}
     grippers = {joint.name for joint in find_gripper_joints(robot)}
     for group in find_groups(robot, robot.report):
@@ -223,8 +223,7 @@ def find_group(robot: Robot, group: str | Collection[str] | None) -> PlanningGro
         raise InputError(f"robot {robot.name!r} has no joint that could move")
     if group is None:
         return next(iter(groups.values()))
-    if group not in groups:
-        raise InputError(f"no planning group {group!r}; {suggest(group, groups)}")
+    check_known("planning group", group, groups)
     return groups[group]
 
 
@@ -310,10 +309,9 @@ def takes_positions(controller: ControllerConfig) -> bool:
 
 
 def _made_of(robot: Robot, names: tuple[str, ...]) -> PlanningGroup:
-    own = [j.name for j in robot.description.movable_joints if j.mimic is None]
+    own = [joint.name for joint in robot.description.independent_joints]
     for name in names:
-        if name not in own:
-            raise InputError(f"no joint {name!r}; {suggest(name, own)}")
+        check_known("joint", name, own)
     if not names:
         raise InputError("group: expected at least one joint")
     label = ", ".join(names)

@@ -17,16 +17,16 @@ from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import JacobianWrtVariable
 
-from arm_drake.arrays import is_number
+from arm_drake.arrays import is_finite, is_number
 from arm_drake.description.joints import joints_above, last_master
 from arm_drake.description.robot import Robot
 from arm_drake.errors import (
     ArmDrakeError,
     InputError,
+    check_known,
     check_type,
     counted,
     quoted,
-    suggest,
 )
 from arm_drake.planning.groups import find_group, find_mask
 from arm_drake.plant.joint_ranges import joint_ranges
@@ -645,8 +645,7 @@ class _Kinematics:
         """Raise InputError if there is no such link."""
         links = self._description.links
         check_type("frame", frame, str, "a link's name")
-        if frame not in links:
-            raise InputError(f"no link {frame!r}; {suggest(frame, links)}")
+        check_known("link", frame, links)
 
     def complete(
         self, positions: Mapping[str, float], argument: str = "positions"
@@ -655,9 +654,8 @@ class _Kinematics:
         check_type(argument, positions, Mapping, "joint positions by name")
         q = np.zeros(self._plant.num_positions())
         for name, value in positions.items():
-            if name not in self.at:
-                raise InputError(f"no joint {name!r}; {suggest(name, self.at)}")
-            if not (is_number(value) and math.isfinite(value)):
+            check_known("joint", name, self.at)
+            if not is_finite(value):
                 problem = f"expected a finite number [rad or m], got {value!r}"
                 raise InputError(f"joint {name!r}: {problem}")
         for name, (master, factor, offset) in self._masters.items():
@@ -705,8 +703,7 @@ class _Kinematics:
         own = list(dict.fromkeys(self._masters[name][0] for name in carriers))
         if joints is not None:
             for name in joints:
-                if name not in self.at:
-                    raise InputError(f"no joint {name!r}; {suggest(name, self.at)}")
+                check_known("joint", name, self.at)
             own = [name for name in own if name in joints]
         if not own:
             which = "" if joints is None else f" of {quoted(joints) or 'none'}"

@@ -20,11 +20,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 from pydrake.math import RigidTransform
 
-from arm_drake.arrays import is_number
+from arm_drake.arrays import is_finite
 from arm_drake.description.robot import Robot
 from arm_drake.errors import (
     InputError,
     MissingExtraError,
+    check_known,
     counted,
     first_names,
     suggest,
@@ -230,8 +231,7 @@ def plan(robot: Robot | Running, to: Target | Sequence[Target], **options: Any) 
     """
     names = [field.name for field in dc.fields(PlanOptions)]
     for name in options:
-        if name not in names:
-            raise InputError(f"plan: no option {name!r}; {suggest(name, names)}")
+        check_known("option", name, names, argument="plan")
     chosen = PlanOptions(**options)
     return plan_in(find_setting(robot, chosen), to, chosen)
 
@@ -559,7 +559,7 @@ def _find_positions(
                 f"to: joint {name!r} is not of group {problem.group.name!r}, which "
                 f"has {', '.join(joints)}"
             )
-        if not (is_number(value) and math.isfinite(value)):
+        if not is_finite(value):
             raise InputError(
                 f"to: joint {name!r}: expected a finite number, got {value!r}"
             )
@@ -714,8 +714,8 @@ def _list_targets(to: Any) -> list[Target]:
 
 
 def _independent(robot: Robot, positions: Mapping[str, float]) -> dict[str, float]:
-    joints = robot.description.movable_joints
-    return {j.name: positions[j.name] for j in joints if j.mimic is None}
+    joints = robot.description.independent_joints
+    return {joint.name: positions[joint.name] for joint in joints}
 
 
 def _describe_collisions(model: CollisionModel, x: np.ndarray) -> str:

@@ -11,7 +11,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import Context, Diagram
 
 from arm_drake.description.robot import Robot
-from arm_drake.errors import ArmDrakeError, InputError, check_type, suggest
+from arm_drake.errors import ArmDrakeError, InputError, check_known, check_type
 from arm_drake.messages import JointState
 from arm_drake.planning.groups import find_mask
 from arm_drake.planning.inverse_kinematics import complete_positions
@@ -205,8 +205,7 @@ def _set_up_running(running: Running, options: PlanOptions) -> Setting:
         raise InputError("world: a simulation has its own; leave it out")
     robots, attached = running.robots, options.attached
     name = next(iter(robots)) if options.name is None else options.name
-    if name not in robots:
-        raise InputError(f"name: no robot {name!r}; {suggest(name, robots)}")
+    check_known("robot", name, robots, argument="name")
     robot = robots[name]
     payloads = _check_attached(robot, attached)
     attached_bodies = {
@@ -230,7 +229,7 @@ def _set_up_running(running: Running, options: PlanOptions) -> Setting:
             )
         positions = _within_limits(robot, positions)
     else:
-        own = {j.name for j in robot.description.movable_joints if j.mimic is None}
+        own = {joint.name for joint in robot.description.independent_joints}
         measured = {joint: q for joint, q in positions.items() if joint in own}
         positions = complete_positions(robot, {**measured, **options.start})
     things = (*scene.things, *_shapes_of(payloads))
@@ -251,8 +250,7 @@ def _check_attached(
     """Return the payloads among what links hold, or raise InputError."""
     links = robot.description.links
     for link in attached:
-        if link not in links:
-            raise InputError(f"attached: no link {link!r}; {suggest(link, links)}")
+        check_known("link", link, links, argument="attached")
     return {link: p for link, p in attached.items() if isinstance(p, Payload)}
 
 

@@ -51,6 +51,7 @@ from arm_drake.description.links import ShapeInfo
 from arm_drake.description.meshes.conversion import convert_surface
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.messages.sensors import ContactsState
+from arm_drake.options import GRAVITY
 from arm_drake.python_system import PythonSystem
 
 # What overlaps less than this only touches [m].
@@ -58,9 +59,6 @@ _SMALLEST_OVERLAP = 1e-3
 
 # How far all of a robot's weight would press one shape in [m].
 _SINKING = 1e-3
-
-# [m/s^2].
-_GRAVITY = 9.81
 
 # Things of one size are in one place if they are closer than this part of it.
 _SAME_PLACE = 0.1
@@ -89,7 +87,7 @@ def carry_weight(scene_graph: SceneGraph, mass: float) -> None:
     config = scene_graph.get_config()
     properties = config.default_proximity_properties
     properties.point_stiffness = max(
-        properties.point_stiffness, _GRAVITY * mass / _SINKING
+        properties.point_stiffness, GRAVITY * mass / _SINKING
     )
     config.default_proximity_properties = properties
     scene_graph.set_config(config)

@@ -2,7 +2,6 @@
 
 import copy
 import dataclasses as dc
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TypeAlias
 
@@ -20,8 +19,9 @@ from pydrake.multibody.tree import (
 )
 from pydrake.systems.framework import Context
 
+from arm_drake.arrays import is_finite
 from arm_drake.description.joints import WORLD
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import InputError, check_known
 
 _SHAPES = (Box, Capsule, Cylinder, Ellipsoid, Sphere)
 
@@ -51,13 +51,13 @@ class Payload:
 
     def __post_init__(self) -> None:
         """Raise InputError for what no thing has."""
-        if not (_is_finite(self.mass) and self.mass >= 0.0):
+        if not (is_finite(self.mass) and self.mass >= 0.0):
             raise InputError(f"mass: expected at least 0 kg, got {self.mass!r}")
         for name, values, size in (("com", self.com, 3), ("inertia", self.inertia, 6)):
             if values is None:
                 continue
             is_list = isinstance(values, Sequence | np.ndarray)
-            if not is_list or len(values) != size or not all(map(_is_finite, values)):
+            if not is_list or len(values) != size or not all(map(is_finite, values)):
                 raise InputError(f"{name}: expected {size} numbers, got {values!r}")
         if not isinstance(self.shape, (*_SHAPES, type(None))):
             names = ", ".join(kind.__name__ for kind in _SHAPES)
@@ -83,11 +83,6 @@ class Payload:
         return SpatialInertia.MakeFromCentralInertia(float(self.mass), com, central)
 
 
-def _is_finite(value: object) -> bool:
-    is_number = isinstance(value, int | float | np.number)
-    return is_number and not isinstance(value, bool) and math.isfinite(float(value))  # type: ignore[arg-type]
-
-
 # Payloads, or their masses [kg], by link.
 Payloads: TypeAlias = Mapping[str, Payload | float]
 
@@ -96,7 +91,7 @@ def read_payload(link: str, payload: Payload | float) -> Payload:
     """Return the payload of a link, which may be a mass alone [kg]."""
     if isinstance(payload, Payload):
         return payload
-    if not _is_finite(payload):
+    if not is_finite(payload):
         problem = f"expected a Payload or a mass [kg], got {payload!r}"
         raise InputError(problem, where=f"payload of link {link!r}")
     return Payload(payload)
@@ -111,8 +106,7 @@ def check_link(name: str, links: Iterable[str], where: str | None = None) -> Non
         text = f"{name!r} is the world itself, it carries nothing"
         raise InputError(text, where=where)
     known = [each for each in links if each.rpartition("/")[2] != WORLD]
-    if name not in known:
-        raise InputError(f"no link {name!r}; {suggest(name, known)}", where=where)
+    check_known("link", name, known, where=where)
 
 
 def split_payloads(

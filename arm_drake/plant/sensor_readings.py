@@ -14,7 +14,7 @@ from pydrake.geometry import (
     SceneGraph,
     SceneGraphInspector,
 )
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.math import SpatialAcceleration
 from pydrake.multibody.plant import ContactResults, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, RigidBody
@@ -27,7 +27,7 @@ from pydrake.systems.framework import (
     OutputPort,
 )
 
-from arm_drake.arrays import Array
+from arm_drake.arrays import Array, cross
 from arm_drake.description.gazebo_plugins import shape_name
 from arm_drake.description.joints import WORLD
 from arm_drake.description.sensors import SensorInfo
@@ -152,8 +152,8 @@ class _Mount(NamedTuple):
         arm = X_WL.rotation() @ self.X_LS.translation()
         a: Array = (
             A_WL.translational()
-            + _cross(A_WL.rotational(), arm)
-            + _cross(w, _cross(w, arm))
+            + cross(A_WL.rotational(), arm)
+            + cross(w, cross(w, arm))
         )
         return a
 
@@ -297,35 +297,45 @@ class SensorReadings(PythonSystem):
     def _measure_acceleration(
         self, sensor: SensorInfo, model: ModelInstanceIndex, mount: _Mount
     ) -> Callable[[Context], Array]:
-        poses = self._ports.take("body_poses")
-        velocities = self._ports.take("spatial_velocities")
-        accelerations = self._ports.take("spatial_accelerations")
+        find_motion = self._find_motion(mount)
 
         def measure(context: Context) -> Array:
-            X_WL = poses.Eval(context)[mount.body]
-            w = velocities.Eval(context)[mount.body].rotational()
-            A_WL = accelerations.Eval(context)[mount.body]
-            R_WS = (X_WL @ mount.X_LS).rotation().matrix()
-            return R_WS.T @ (mount.acceleration(X_WL, w, A_WL) - self._gravity)
+            R_WS, _, a = find_motion(context)
+            return R_WS.matrix().T @ a
 
         return measure
 
     def _measure_imu(self, mount: _Mount) -> Callable[[Context], Array]:
         """Return what measures all that an IMU does, and reads each port once."""
+        find_motion = self._find_motion(mount)
+
+        def measure(context: Context) -> Array:
+            R_WS, w, a = find_motion(context)
+            q, R_SW = R_WS.ToQuaternion(), R_WS.matrix().T
+            return np.concatenate([q.xyz(), [q.w()], R_SW @ w, R_SW @ a])
+
+        return measure
+
+    def _find_motion(
+        self, mount: _Mount
+    ) -> Callable[[Context], tuple[RotationMatrix, Array, Array]]:
+        """Return what tells how an IMU is turned, how fast, and what it feels.
+
+        Its angular velocity [rad/s] and acceleration less gravity [m/s^2] are in the
+        world, shape (3,).
+        """
         poses = self._ports.take("body_poses")
         velocities = self._ports.take("spatial_velocities")
         accelerations = self._ports.take("spatial_accelerations")
 
-        def measure(context: Context) -> Array:
+        def find(context: Context) -> tuple[RotationMatrix, Array, Array]:
             X_WL = poses.Eval(context)[mount.body]
             w = velocities.Eval(context)[mount.body].rotational()
             A_WL = accelerations.Eval(context)[mount.body]
-            R_WS = (X_WL @ mount.X_LS).rotation()
-            q, R_SW = R_WS.ToQuaternion(), R_WS.matrix().T
             a = mount.acceleration(X_WL, w, A_WL) - self._gravity
-            return np.concatenate([q.xyz(), [q.w()], R_SW @ w, R_SW @ a])
+            return (X_WL @ mount.X_LS).rotation(), w, a
 
-        return measure
+        return find
 
     def _measure_pose(
         self, sensor: SensorInfo, model: ModelInstanceIndex, mount: _Mount
@@ -573,7 +583,7 @@ def _state(
     The sign is -1 for the first shape, 1 for the second one.
     """
     force, torque = sign * touch.force, sign * touch.torque
-    total = torque + _cross(touch.point - origin, force)
+    total = torque + cross(touch.point - origin, force)
     return (
         (_wrench(force, torque),),
         _wrench(force, total),
@@ -581,12 +591,6 @@ def _state(
         (_vector(-sign * touch.normal),),
         (touch.depth,),
     )
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Return a cross product of two vectors, which numpy's takes ten times as long."""
-    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
-    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
 
 
 def _wrench(force: Array, torque: Array) -> Wrench:

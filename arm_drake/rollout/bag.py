@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from arm_drake.arrays import Array
 from arm_drake.description.joints import WORLD
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import InputError, check_known
 from arm_drake.messages import NANOSECONDS
 from arm_drake.messages.base import ros_type
 from arm_drake.rollout.link_poses import (
@@ -568,8 +568,7 @@ def _read(topics: Mapping[str, _Messages], robot: str | None) -> dict[str, Any]:
         raise KeyError(f"no topic {STATIC}")
     if robot is None:
         robot = next(iter(names))
-    if robot not in names:
-        raise InputError(f"no robot {robot!r}; {suggest(robot, names)}")
+    check_known("robot", robot, names)
     prefix = names[robot]
     return _read_robot(topics, prefix, statics[prefix])
 

@@ -120,8 +120,8 @@ def multiply(p: Array, q: Array) -> Array:
 
 
 def rotate(quaternion: Array, vector: Array) -> Array:
-    """Return a vector of shape (3,), rotated by a quaternion w, x, y, z."""
-    w, v = quaternion[0], quaternion[1:]
+    """Return vectors of shape (..., 3), rotated by quaternions w, x, y, z."""
+    w, v = quaternion[..., :1], quaternion[..., 1:]
     return vector + 2.0 * np.cross(v, np.cross(v, vector) + w * vector)
 
 
@@ -326,6 +326,4 @@ def _root_poses(rollout: RecordedMotion, root: str) -> Array:
 def _compose(X_WA: Array, X_AB: Array) -> Array:
     """Return poses of B in W, of A in W and of B in A, each of shape (N, 7)."""
     q, p = X_WA[:, 3:], X_AB[:, :3]
-    w, v = q[:, :1], q[:, 1:]
-    turned = p + 2.0 * np.cross(v, np.cross(v, p) + w * p)
-    return np.hstack([X_WA[:, :3] + turned, multiply(q, X_AB[:, 3:])])
+    return np.hstack([X_WA[:, :3] + rotate(q, p), multiply(q, X_AB[:, 3:])])

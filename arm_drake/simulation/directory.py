@@ -1,6 +1,6 @@
 """Directory of a diagram: its robots, their managers and controllers, by name."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple, get_args
 
 from pydrake.systems.framework import Context, Diagram
@@ -17,11 +17,7 @@ class ControllerList(list[ControllerState]):
 
     def __str__(self) -> str:
         """Return what `ros2 control list_controllers` prints: name, type and state."""
-        name = max((len(row.name) for row in self), default=0)
-        kind = max((len(row.type) for row in self), default=0)
-        return "\n".join(
-            f"{row.name:{name}}  {row.type:{kind}}  {row.state}" for row in self
-        )
+        return _align((row.name, row.type, row.state) for row in self)
 
 
 class TopicInfo(NamedTuple):
@@ -44,13 +40,17 @@ class TopicList(list[TopicInfo]):
 
     def __str__(self) -> str:
         """Return a table: name, type, direction, and what it is bridged to."""
-        name = max((len(row.name) for row in self), default=0)
-        kind = max((len(row.type) for row in self), default=0)
-        return "\n".join(
-            f"{row.name:{name}}  {row.type:{kind}}  {row.direction:6}  "
-            f"{', '.join(row.bridged_to)}".rstrip()
+        return _align(
+            (row.name, row.type, f"{row.direction:6}  {', '.join(row.bridged_to)}")
             for row in self
         )
+
+
+def _align(rows: Iterable[tuple[str, str, str]]) -> str:
+    """Return rows as lines, in three columns."""
+    rows = list(rows)
+    name, kind = (max((len(row[k]) for row in rows), default=0) for k in (0, 1))
+    return "\n".join(f"{a:{name}}  {b:{kind}}  {c}".rstrip() for a, b, c in rows)
 
 
 def make_switch(

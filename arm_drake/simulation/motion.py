@@ -10,6 +10,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias, TypeVar
 import yaml
 
 from arm_drake import yaml_files
+from arm_drake.arrays import is_finite
 from arm_drake.errors import MotionError, counted, quoted, suggest
 from arm_drake.messages import (
     Duration,
@@ -286,8 +287,7 @@ def _end(step: MotionStep, factors: Iterable[tuple[float, float]]) -> float:
     message = step.message
     if isinstance(message, TopicMessage) and isinstance(message.data, Mapping):
         length = message.data.get("time_range", 0.0)
-        is_number = isinstance(length, int | float) and math.isfinite(length)
-        return step.at + (length if is_number else 0.0)
+        return step.at + (length if is_finite(length) else 0.0)
     if isinstance(message, TopicMessage):
         message = message.data if isinstance(message.data, JointTrajectory) else None
     elif isinstance(message, FollowJointTrajectoryGoal):

@@ -13,7 +13,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram
 
-from arm_drake.arrays import is_number
+from arm_drake.arrays import is_finite, is_number
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.errors import ArmDrakeError, InputError, OutputError, SimulationError
@@ -632,7 +632,7 @@ class Simulation:
         ends = duration is None
         if duration is None:
             duration = default_duration(motion)
-        if not (is_number(duration) and math.isfinite(duration) and duration >= 0.0):
+        if not is_finite(duration) or duration < 0.0:
             raise ValueError(f"duration must be at least 0 s, got {duration!r}")
         player = Player(self, motion, TICK_TOLERANCE * self.period)
         with player.paced(realtime_rate):

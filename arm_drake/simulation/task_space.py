@@ -229,7 +229,6 @@ class TaskSpaceRequest(TopicHandle):
         """Create it; `Simulation.topic` does that."""
         self.name = f"/{robot}/{kind}"
         self._simulation, self._kind = simulation, kind
-        self._mailbox = simulation.mailbox
         self._manager = simulation.directory.manager(robot)
         self._robot = self._manager.robot
         self._group = find_group(self._robot, None)

@@ -1,11 +1,16 @@
 """Contact forces as arrows from the points where they act."""
 
+from collections.abc import Iterable
+from typing import Self
+
 import numpy as np
 from pydrake.geometry import Cylinder, Meshcat, Rgba, Sphere
+from pydrake.math import RigidTransform
 
 from arm_drake.arrays import Array
 from arm_drake.messages.geometry import Vector3
 from arm_drake.messages.sensors import ContactsState
+from arm_drake.options import GRAVITY
 
 _PATH = "/drake/contact_forces"
 
@@ -14,12 +19,29 @@ _GREEN = Rgba(0.1, 0.75, 0.1)
 # Forces smaller than this part of the one that sets the scale are not drawn.
 _SMALLEST = 1e-3
 
+# How long a robot's weight is drawn, as a part of the robot's size.
+_WEIGHT_LENGTH = 0.5
+
+# A robot has at least this weight [N] and this size [m].
+_SMALLEST_FORCE = 1e-3
+_SMALLEST_SIZE = 0.1
+
 # Thickness of a rod as a part of the length that sets the scale.
 _THICKNESS = 0.02
 
 
 class ContactArrows:
     """Draws a rod for each force; its ball is where the force acts."""
+
+    @classmethod
+    def of_robot(
+        cls, meshcat: Meshcat, name: str, mass: float, poses: Iterable[RigidTransform]
+    ) -> Self:
+        """Return those of a robot of a mass [kg] whose links stand in these poses."""
+        points = np.array([X_WL.translation() for X_WL in poses])
+        size = max(float(np.linalg.norm(np.ptp(points, axis=0))), _SMALLEST_SIZE)
+        force = max(mass * GRAVITY, _SMALLEST_FORCE)
+        return cls(meshcat, name, force=force, length=_WEIGHT_LENGTH * size)
 
     def __init__(self, meshcat: Meshcat, name: str, *, force: float, length: float):
         """Create it, unseen; an expected `force` [N] has a `length` [m]."""
@@ -33,7 +55,7 @@ class ContactArrows:
     def show(self, contacts: ContactsState) -> None:
         """Draw the forces on a robot in place of those before."""
         forces = [
-            (_array(point), _array(wrench.force) * self._length / self._force)
+            (to_array(point), to_array(wrench.force) * self._length / self._force)
             for state in contacts.states
             for point, wrench in zip(
                 state.contact_positions, state.wrenches, strict=True
@@ -77,5 +99,6 @@ def _stretch(point: Array, rod: Array | None) -> Array:
     return X
 
 
-def _array(vector: Vector3) -> Array:
+def to_array(vector: Vector3) -> Array:
+    """Return a vector or point of a message, shape (3,)."""
     return np.array([vector.x, vector.y, vector.z])

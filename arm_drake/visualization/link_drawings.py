@@ -42,8 +42,9 @@ from arm_drake.arrays import Array
 from arm_drake.description.inertia import DENSITY
 from arm_drake.description.joints import WORLD
 from arm_drake.description.meshes.reading import read_surfaces
+from arm_drake.description.meshes.surfaces import stack
 from arm_drake.description.urdf import RobotDescription
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import check_known
 from arm_drake.plant.contact import hull_triangles, hull_vertices
 
 # A robot without shapes whose links are all in one place counts as so large [m].
@@ -242,11 +243,7 @@ def collision_solid(
 
 def _read_triangles(path: Path, scale: NDArray[np.float64]) -> Triangles:
     surfaces = read_surfaces(path, path.read_bytes(), tuple(scale.tolist()), [])
-    starts = np.cumsum([0, *(len(surface.vertices) for surface in surfaces)])
-    return _pack(
-        np.concatenate([surface.vertices for surface in surfaces]),
-        np.concatenate([s.faces + at for s, at in zip(surfaces, starts, strict=False)]),
-    )
+    return _pack(*stack(surfaces))
 
 
 def _from_triangles(mesh: TriangleSurfaceMesh) -> Triangles:
@@ -469,8 +466,7 @@ class LinkDrawings:
 
     def show(self, kind: str, is_shown: bool = True) -> None:
         """Show or hide one of `KINDS`; raise InputError if it is none."""
-        if kind not in KINDS:
-            raise InputError(f"no drawing {kind!r}; {suggest(kind, KINDS)}")
+        check_known("drawing", kind, KINDS)
         if is_shown == (kind in self._shown):
             return
         if not is_shown:

@@ -1,6 +1,5 @@
 """The robot in the browser, in Drake's Meshcat."""
 
-import base64
 import dataclasses as dc
 import ipaddress
 import itertools
@@ -25,6 +24,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 
 from arm_drake.arrays import Array
+from arm_drake.description.meshes.surfaces import data_uri
 from arm_drake.errors import InputError
 from arm_drake.worlds.sdf_models import GroundLook
 
@@ -387,9 +387,6 @@ def _textured(size: tuple[float, float], texture: Path) -> Mesh:
     except OSError as error:
         raise InputError(f"can't be read: {error.strerror}", file=texture) from None
 
-    def uri(kind: str, content: bytes) -> str:
-        return f"data:{kind};base64,{base64.b64encode(content).decode()}"
-
     views = [(0, 48), (48, 48), (96, 32), (128, 12)]
     kinds = [
         (5126, 4, "VEC3"),
@@ -415,9 +412,9 @@ def _textured(size: tuple[float, float], texture: Path) -> Mesh:
         ],
         "materials": [{"pbrMetallicRoughness": material}],
         "textures": [{"source": 0}],
-        "images": [{"uri": uri(kind, picture)}],
+        "images": [{"uri": data_uri(kind, picture)}],
         "buffers": [
-            {"byteLength": len(data), "uri": uri("application/octet-stream", data)}
+            {"byteLength": len(data), "uri": data_uri("application/octet-stream", data)}
         ],
         "bufferViews": [
             {"buffer": 0, "byteOffset": start, "byteLength": length}

@@ -72,7 +72,6 @@ def save_video(
     meshcat: Meshcat,
     path: Path,
     *,
-    frame_rate: float = FRAME_RATE,
     size: tuple[int, int] = DEFAULT_SIZE,
     paths: Sequence[str] = ("drake/visual",),
     progress: Callable[[int, int], None] | None = None,
@@ -82,9 +81,9 @@ def save_video(
 
     The camera stands still, where it sees all below `paths` from the first to the last
     moment. The file appears when it is complete; what is filmed until Ctrl-C is kept.
-    `frame_rate` is in pictures per simulated second, `size` in even numbers of pixels;
-    `progress` hears how many pictures of how many are taken. It may raise
-    MissingExtraError, BrowserError, InputError (nothing was recorded) and OutputError.
+    `size` is in even numbers of pixels; `progress` hears how many pictures of how many
+    are taken. It may raise MissingExtraError, BrowserError, InputError (nothing was
+    recorded) and OutputError.
     """
     check_video_installed()
     check_suffix(path, "a film", VIDEO_SUFFIXES)
@@ -93,7 +92,7 @@ def save_video(
             f"size of a film: expected even numbers of pixels, 2 or more, got {size}"
         )
     check_writable(path)
-    camera = _FrameRecorder(path, frame_rate, size, paths)
+    camera = _FrameRecorder(path, size, paths)
     with contextlib.ExitStack() as stack:
         if photographer is None:
             photographer = stack.enter_context(Photographer())
@@ -115,7 +114,6 @@ class _FrameRecorder:
     def __init__(
         self,
         path: Path,
-        frame_rate: float,
         size: tuple[int, int],
         paths: Sequence[str],
     ) -> None:
@@ -124,7 +122,6 @@ class _FrameRecorder:
         self.taken = 0
         self.total = 0
         self._path = path
-        self._frame_rate = frame_rate
         self._size = size
         self._paths = paths
 
@@ -138,12 +135,12 @@ class _FrameRecorder:
                 "simulation, StopRecording() and PublishRecording() after it"
             )
         # Recordings end a rounding error before or after their last picture.
-        count = int(np.floor(duration * self._frame_rate + 1e-6)) + 1
-        times = (np.arange(count) / self._frame_rate).tolist()
+        count = int(np.floor(duration * FRAME_RATE + 1e-6)) + 1
+        times = (np.arange(count) / FRAME_RATE).tolist()
         self.total = count
         view = View(FIELD_OF_VIEW, self._size[0] / self._size[1])
         set_up(page, view, self._find_extremes(page, view, times), self._size)
-        with _encoder(self._path, self._frame_rate) as stream:
+        with _encoder(self._path) as stream:
             while self.taken < count and not self.is_stopped.is_set():
                 pictures = page.evaluate(
                     "(times) => arm_drake_film.take_pictures(times)",
@@ -152,7 +149,7 @@ class _FrameRecorder:
                 for uri in pictures:
                     stream.write(base64.b64decode(uri.partition(",")[2]))
                 self.taken += len(pictures)
-        return Film(self.taken, self.taken / self._frame_rate)
+        return Film(self.taken, self.taken / FRAME_RATE)
 
     def _find_extremes(self, page: "Page", view: View, times: list[float]) -> Array:
         """Return the farthest points that are drawn at any time, shape (n, 3)."""
@@ -168,7 +165,7 @@ class _FrameRecorder:
 
 
 @contextlib.contextmanager
-def _encoder(path: Path, frame_rate: float) -> Iterator[IO[bytes]]:
+def _encoder(path: Path) -> Iterator[IO[bytes]]:
     """Take JPEG files, one after the other, and write a film of them.
 
     What it has got is a film also if an exception ends it, unless that is nothing.
@@ -178,7 +175,7 @@ def _encoder(path: Path, frame_rate: float) -> Iterator[IO[bytes]]:
     # Whoever opens the file while it is written would find it broken.
     unfinished = path.with_name(f"{path.name}.part")
     command = [get_ffmpeg_exe(), "-y", "-loglevel", "error"]
-    command += ["-f", "image2pipe", "-framerate", str(frame_rate), "-c:v", "mjpeg"]
+    command += ["-f", "image2pipe", "-framerate", str(FRAME_RATE), "-c:v", "mjpeg"]
     command += ["-i", "-", *_ENCODING, str(unfinished)]
     process = subprocess.Popen(  # noqa: S603
         command,

@@ -5,7 +5,7 @@ Source: RobotWebTools/rosbridge_suite, `rosapi` and `rosapi_msgs`.
 
 import functools
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from arm_drake.errors import InputError, suggest
@@ -128,13 +128,10 @@ def _type(known: Mapping[str, str], args: Args, field: str) -> dict[str, str]:
     return {"type": known.get(f"/{str(args.get(field, '')).strip('/')}", "")}
 
 
-def _nodes(api: RosApi, of: Iterable[str]) -> list[str]:
-    return sorted({name for name in of if name})
-
-
 def _topic_nodes(api: RosApi, args: Args, side: str) -> list[str]:
     topic = api.graph.topics.get(f"/{str(args.get('topic', '')).strip('/')}")
-    return [] if topic is None else _nodes(api, [getattr(topic, side)])
+    node = "" if topic is None else getattr(topic, side)
+    return [node] if node else []
 
 
 def _node_details(api: RosApi, args: Args) -> dict[str, list[str]]:

@@ -9,7 +9,7 @@ import json
 import socket
 import time
 import uuid
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 from urllib.parse import urlsplit
 
@@ -148,7 +148,7 @@ class Client(tornado.websocket.WebSocketHandler):
         try:
             content = _read(message)
         except InputError as error:
-            self.status("error", str(error))
+            self.tell_error(str(error))
             return
         try:
             self.bridge.do(self, content)
@@ -176,12 +176,12 @@ class Client(tornado.websocket.WebSocketHandler):
         elif op == "send_action_goal":
             self.send(_no_result(content, problem))
         else:
-            self.status("error", problem, id_)
+            self.tell_error(problem, id_)
 
-    def status(self, level: str, text: str, id_: Any = None) -> None:
-        """Say something, if the client wants to hear it."""
-        if _LEVELS.index(level) <= _LEVELS.index(self.level):
-            content = {"op": "status", "level": level, "msg": text}
+    def tell_error(self, text: str, id_: Any = None) -> None:
+        """Say what is wrong, if the client wants to hear it."""
+        if self.level != "none":
+            content = {"op": "status", "level": "error", "msg": text}
             self.send(content if id_ is None else {**content, "id": id_})
 
     def send(
@@ -422,15 +422,15 @@ class Rosbridge:
                 raise InputError(f"topic {name!r} isn't there yet: give its type")
         self._check_type(name, content.get("type"))
         subscription = client.subscriptions.setdefault(name, _Subscription())
-        pause = _number(content, "throttle_rate", 0.0) / 1000.0
-        length = int(_number(content, "queue_length", 0.0))
+        pause = _number(content, "throttle_rate") / 1000.0
+        length = int(_number(content, "queue_length"))
         subscription.wish(str(content.get("id", "")), pause, length)
         compression = content.get("compression") or "none"
         if compression not in _COMPRESSIONS:
             known = ", ".join(_COMPRESSIONS)
             raise InputError(f"no compression {compression!r}; known: {known}")
         subscription.compression = compression
-        subscription.fragment_size = int(_number(content, "fragment_size", 0.0))
+        subscription.fragment_size = int(_number(content, "fragment_size"))
         self.server.watch()
         topic = self.server.graph.topics.get(name)
         last = self._latched.get(name) if topic is None else topic.constant
@@ -520,7 +520,7 @@ class Rosbridge:
 
     def _do_call_service(self, client: Client, content: dict[str, Any]) -> None:
         name = _name(content, "service")
-        size = int(_number(content, "fragment_size", 0.0))
+        size = int(_number(content, "fragment_size"))
         compression = content.get("compression") or "none"
 
         def reply(values: Any) -> None:
@@ -606,16 +606,11 @@ class Rosbridge:
         waiting.client.send(answer)
 
     def _do_advertise_service(self, client: Client, content: dict[str, Any]) -> None:
-        name = _name(content, "service")
-        if name in self.server.graph.services:
-            raise InputError(f"service {name!r} is the simulation's own")
-        self.services[name] = _Served(str(content.get("type", "")), client)
+        own = self.server.graph.services
+        _advertise(self.services, own, "service", client, content)
 
     def _do_unadvertise_service(self, client: Client, content: dict[str, Any]) -> None:
-        name = _name(content, "service")
-        if name not in self.services or self.services[name].client is not client:
-            raise InputError(f"service {name!r} isn't this client's")
-        del self.services[name]
+        _unadvertise(self.services, "service", client, content)
 
     def _do_send_goal(self, client: Client, content: dict[str, Any]) -> None:
         name, id_ = _name(content, "action"), content.get("id")
@@ -644,7 +639,7 @@ class Rosbridge:
                     answer |= {"op": "action_feedback", "values": event.data}
                     client.send(answer, compression)
             elif event.kind == "cancel":
-                client.status("error", event.reason, id_)
+                client.tell_error(event.reason, id_)
             elif event.kind != "accepted":
                 client.goals.pop(id_, None)
                 is_done = event.status == _SUCCEEDED
@@ -671,16 +666,10 @@ class Rosbridge:
         self._submit(client, content, "cancel", name, {}, goal_id=goal)
 
     def _do_advertise_action(self, client: Client, content: dict[str, Any]) -> None:
-        name = _name(content, "action")
-        if name in self.server.graph.actions:
-            raise InputError(f"action {name!r} is the simulation's own")
-        self.actions[name] = _Served(str(content.get("type", "")), client)
+        _advertise(self.actions, self.server.graph.actions, "action", client, content)
 
     def _do_unadvertise_action(self, client: Client, content: dict[str, Any]) -> None:
-        name = _name(content, "action")
-        if name not in self.actions or self.actions[name].client is not client:
-            raise InputError(f"action {name!r} isn't this client's")
-        del self.actions[name]
+        _unadvertise(self.actions, "action", client, content)
 
     def _do_from_server(self, client: Client, content: dict[str, Any]) -> None:
         """Pass on what a client says of a goal of another one."""
@@ -755,10 +744,35 @@ def _name(content: Mapping[str, Any], field: str) -> str:
     return f"/{name.strip('/')}"
 
 
-def _number(content: Mapping[str, Any], field: str, default: float) -> float:
+def _advertise(
+    served: dict[str, _Served],
+    own: Collection[str],
+    kind: str,
+    client: Client,
+    content: Mapping[str, Any],
+) -> None:
+    """Let a client serve what the simulation doesn't serve itself."""
+    name = _name(content, kind)
+    if name in own:
+        raise InputError(f"{kind} {name!r} is the simulation's own")
+    served[name] = _Served(str(content.get("type", "")), client)
+
+
+def _unadvertise(
+    served: dict[str, _Served], kind: str, client: Client, content: Mapping[str, Any]
+) -> None:
+    """Let a client serve something no longer."""
+    name = _name(content, kind)
+    if name not in served or served[name].client is not client:
+        raise InputError(f"{kind} {name!r} isn't this client's")
+    del served[name]
+
+
+def _number(content: Mapping[str, Any], field: str) -> float:
+    """Return a number of at least 0, which is 0 if it isn't given."""
     value = content.get(field)
     if value is None:
-        return default
+        return 0.0
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not is_number or not 0.0 <= value < 1e9:
         raise InputError(f"{field}: expected a number of at least 0, got {value!r}")

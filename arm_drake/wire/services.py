@@ -16,7 +16,7 @@ from pydrake.multibody.tree import RigidBody
 
 from arm_drake.controllers import list_types
 from arm_drake.description.ros2_control import HardwareInfo
-from arm_drake.errors import ArmDrakeError, InputError, suggest
+from arm_drake.errors import ArmDrakeError, InputError, check_known, suggest
 from arm_drake.manager import MANAGER, SWITCH_PORT, ControllerManager
 from arm_drake.manager.loaded_controllers import LoadedController
 from arm_drake.messages import (
@@ -124,8 +124,7 @@ class _ManagerServices:
     def _service(
         self, type_: str, call: Callable[[Call], Fields | None], *, acts: bool = False
     ) -> Service:
-        name = "".join(f"_{c.lower()}" if c.isupper() else c for c in type_)[1:]
-        path = f"{self._node}/{name}"
+        path = f"{self._node}/{_service_name(type_)}"
         return Service(path, f"{_CM}/{type_}", self._node, call, acts)
 
     def _active(self) -> dict[str, str]:
@@ -136,14 +135,18 @@ class _ManagerServices:
         )
         return {row.name: row.state for row in rows}
 
-    def _list_controllers(self, call: Call) -> Fields:
-        states = self._active()
-        claims = {
+    def _claimed(self, states: Mapping[str, str]) -> set[str]:
+        """Return the command interfaces that active controllers claim."""
+        return {
             name
             for c in self._manager.controllers
             if c.system is not None and states[c.name] == "active"
             for name in c.system.command_interfaces
         }
+
+    def _list_controllers(self, call: Call) -> Fields:
+        states = self._active()
+        claims = self._claimed(states)
         return {
             "controller": [
                 self._describe(controller, states[controller.name], claims)
@@ -212,13 +215,7 @@ class _ManagerServices:
         }
 
     def _interfaces(self, block: HardwareInfo) -> Fields:
-        states = self._active()
-        claimed = {
-            name
-            for c in self._manager.controllers
-            if c.system is not None and states[c.name] == "active"
-            for name in c.system.command_interfaces
-        }
+        claimed = self._claimed(self._active())
         components = (*block.joints, *block.sensors, *block.gpios)
         return {
             kind: [
@@ -262,8 +259,7 @@ class _ManagerServices:
     def _set_component(self, call: Call) -> Fields:
         name = call.request["name"]
         names = [block.name for block in self._manager.robot.description.hardware]
-        if name not in names:
-            raise InputError(f"no hardware component {name!r}; {suggest(name, names)}")
+        check_known("hardware component", name, names)
         target = call.request["target_state"]
         state = target["label"] or {v: k for k, v in STATES.items()}.get(target["id"])
         if state != "active":
@@ -420,8 +416,7 @@ class Parameters:
             raise InputError("parameters of a manager can't change while it runs")
         values = self.values(node)
         for name in changes:
-            if name not in values:
-                raise InputError(f"no parameter {name!r}; {suggest(name, values)}")
+            check_known("parameter", name, values)
         self._simulation.controller(controller).set_parameters(changes)
 
 
@@ -499,8 +494,8 @@ def _parameter_services(parameters: Parameters, node: str) -> Iterator[Service]:
         },
     }
     for type_, call in calls.items():
-        name = "".join(f"_{c.lower()}" if c.isupper() else c for c in type_)[1:]
-        yield Service(f"{node}/{name}", f"{_RCL}/{type_}", node, call)
+        path = f"{node}/{_service_name(type_)}"
+        yield Service(path, f"{_RCL}/{type_}", node, call)
 
     def set_each(call: Call) -> Fields:
         return {
@@ -650,6 +645,11 @@ class _Things:
                 },
             },
         }
+
+
+def _service_name(type_: str) -> str:
+    """Return the usual name of a service of a type, such as list_controllers."""
+    return "".join(f"_{c.lower()}" if c.isupper() else c for c in type_)[1:]
 
 
 def _vector(values: Any) -> dict[str, float]:

@@ -141,7 +141,6 @@ class WireTypes:
             self._register(definition)
         self._ros = RosTypes(store)
         self._hashes: dict[str, str] = {}
-        self._readers: dict[str, Callable[[Any], Any]] = {}
         self._fillers: dict[str, Callable[[Any, str], Any]] = {}
 
     def _register(self, definition: _Definition) -> None:

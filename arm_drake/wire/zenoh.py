@@ -119,8 +119,7 @@ class _ActionServer:
     """An action: three services and two topics."""
 
     def __init__(self, transport: "Zenoh", action: Action) -> None:
-        self._transport, self._action = transport, action
-        self._server = transport.server
+        self._action, self._server = action, transport.server
         self._goals: dict[bytes, dict[str, Any]] = {}
         self._results: dict[bytes, dict[str, Any]] = {}
         self._waiting: dict[bytes, list[Callable[[dict[str, Any]], None]]] = {}

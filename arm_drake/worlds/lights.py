@@ -12,7 +12,8 @@ from typing import Final
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from arm_drake.worlds.sdf_files import SdfFile, parse_floats, text_of
+from arm_drake.description.elements import text_of
+from arm_drake.worlds.sdf_files import SdfFile, parse_floats
 
 Vector = tuple[float, float, float]
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from urllib.parse import unquote
 from xml.parsers import expat
 
-from arm_drake.description.elements import explain_malformed, parse_float
-from arm_drake.description.packages import PackageFinder
+from arm_drake.description.elements import explain_malformed, parse_float, text_of
+from arm_drake.description.packages import PackageFinder, folders_below
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.errors import InputError, PackageError
 from arm_drake.yaml_files import YamlError, read_text
@@ -140,11 +140,6 @@ def _parse(path: Path, text: str) -> tuple[ET.Element, dict[ET.Element, int]]:
     return builder.close(), lines
 
 
-def text_of(element: ET.Element, tag: str) -> str:
-    """Return the text of a child without white space around it, or ""."""
-    return (element.findtext(tag) or "").strip()
-
-
 def replace_child(parent: ET.Element, tag: str, text: str | None = None) -> None:
     """Remove the children of a name; with a text, add one that has it."""
     for child in parent.findall(tag):
@@ -184,9 +179,8 @@ _VARIABLES = (
     "SDF_PATH",
 )
 
-# How far above a world's package or folder its models may lie, and how far below.
+# How far above a world's package or folder its models may lie.
 _HEIGHT = 3
-_DEPTH = 5
 
 # A bound on the folders looked at below one place.
 _MAX_FOLDERS = 5_000
@@ -280,27 +274,9 @@ def _existing(path: Path) -> Path | None:
 def _models_below(root: Path) -> dict[str, Path]:
     """Return the folders that hold models, by name, the topmost of each."""
     found: dict[str, Path] = {}
-    level, count = [root], 0
-    for _ in range(_DEPTH + 1):
-        below: list[Path] = []
-        for folder in level:
-            count += 1
-            if count > _MAX_FOLDERS:
-                return found
-            try:
-                entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
-            except OSError:
-                continue
-            names = {entry.name for entry in entries}
-            if names & {"model.config", "model.sdf"}:
-                found.setdefault(folder.name, folder)
-            below += [
-                Path(entry.path)
-                for entry in entries
-                if entry.is_dir(follow_symlinks=False)
-                and not entry.name.startswith(".")
-            ]
-        level = below
+    for folder in folders_below(root, _MAX_FOLDERS):
+        if any(os.path.lexists(folder / n) for n in ("model.config", "model.sdf")):
+            found.setdefault(folder.name, folder)
     return found
 
 

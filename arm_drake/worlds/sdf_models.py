@@ -10,7 +10,7 @@ import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from arm_drake.description.elements import parse_float
+from arm_drake.description.elements import parse_float, text_of
 from arm_drake.description.meshes.conversion import (
     Scale,
     convert_collision,
@@ -28,7 +28,6 @@ from arm_drake.worlds.sdf_files import (
     place_of,
     read_sdf,
     replace_child,
-    text_of,
 )
 
 # Stands in an address for the folder of the cleaned files.

@@ -8,6 +8,7 @@ from pathlib import Path
 from pydrake.geometry import Meshcat
 from pydrake.multibody.plant import MultibodyPlant
 
+from arm_drake.description.elements import text_of
 from arm_drake.description.report import LoadReport, Severity
 from arm_drake.worlds.lights import Light, read_lights
 from arm_drake.worlds.sdf_files import (
@@ -16,7 +17,6 @@ from arm_drake.worlds.sdf_files import (
     parse_floats,
     read_sdf,
     replace_child,
-    text_of,
 )
 from arm_drake.worlds.sdf_models import Cleaner, GroundLook
 

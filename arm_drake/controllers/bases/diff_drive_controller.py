@@ -45,10 +45,10 @@ from arm_drake.controllers.topics import CHAINED, Inbox, check_change
 from arm_drake.description.parameters import (
     ParameterGroup,
     Rule,
-    check_above,
     check_duration,
     check_not_empty,
     check_not_zero,
+    check_positive,
 )
 from arm_drake.description.report import Severity
 from arm_drake.messages import (
@@ -177,7 +177,7 @@ class DiffDriveControllerParameters(BaseParameters):
                 f"right_wheel_names must be as many as left_wheel_names, got "
                 f"{list(self.right_wheel_names)} and {list(self.left_wheel_names)}"
             )
-        check_above(self, 0.0, "wheel_separation", "wheel_radius")
+        check_positive(self, "wheel_separation", "wheel_radius")
         check_duration(self, "cmd_vel_timeout")
         check_not_zero(
             self,

@@ -32,10 +32,10 @@ from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import CHAINED, Inbox
 from arm_drake.description.parameters import (
     Rule,
-    check_above,
     check_duration,
     check_length,
     check_not_empty,
+    check_positive,
 )
 from arm_drake.errors import ParameterError
 from arm_drake.messages import NANOSECONDS, Header, Twist, Vector3
@@ -93,7 +93,7 @@ class MecanumKinematicsParameters:
     sum_of_robot_center_projection_on_X_Y_axis: float = 0.0
 
     def __post_init__(self) -> None:
-        check_above(self, 0.0, "wheels_radius")
+        check_positive(self, "wheels_radius")
 
 
 @dc.dataclass(frozen=True)

@@ -19,7 +19,11 @@ from arm_drake.controllers.bases.base import BaseCommand, BaseController, Veloci
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import CHAINED, Inbox
-from arm_drake.description.parameters import check_above, check_duration, check_length
+from arm_drake.description.parameters import (
+    check_duration,
+    check_length,
+    check_positive,
+)
 from arm_drake.messages import NANOSECONDS
 
 
@@ -76,7 +80,7 @@ class OmniWheelDriveControllerParameters:
                 f"wheel_names must have at least 3 elements, "
                 f"got {list(self.wheel_names)}"
             )
-        check_above(self, 0.0, "robot_radius", "wheel_radius")
+        check_positive(self, "robot_radius", "wheel_radius")
         check_duration(self, "cmd_vel_timeout")
 
 

@@ -35,10 +35,10 @@ from arm_drake.controllers.topics import CHAINED, Inbox
 from arm_drake.description.parameters import (
     ParameterGroup,
     Rule,
-    check_above,
     check_duration,
     check_length,
     check_not_empty,
+    check_positive,
     check_unique,
 )
 from arm_drake.messages import NANOSECONDS, Header
@@ -145,7 +145,7 @@ class SteeringControllerParameters(BaseParameters):
             use = name.replace("_state", "")
             if getattr(self, name):
                 check_length(self, len(getattr(self, use)), name)
-        check_above(self, 0.0, "wheelbase")
+        check_positive(self, "wheelbase")
         check_duration(self, "reference_timeout")
 
 
@@ -167,7 +167,7 @@ class BicycleSteeringControllerParameters(SteeringControllerParameters):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_above(self, 0.0, "traction_wheel_radius")
+        check_positive(self, "traction_wheel_radius")
 
 
 @dc.dataclass(frozen=True)
@@ -196,7 +196,7 @@ class TricycleSteeringControllerParameters(SteeringControllerParameters):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_above(self, 0.0, "traction_track_width", "traction_wheels_radius")
+        check_positive(self, "traction_track_width", "traction_wheels_radius")
 
 
 @dc.dataclass(frozen=True)
@@ -234,7 +234,7 @@ class AckermannSteeringControllerParameters(SteeringControllerParameters):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_above(self, 0.0, "traction_track_width", "traction_wheels_radius")
+        check_positive(self, "traction_track_width", "traction_wheels_radius")
 
 
 _UNKNOWN = (math.nan, math.nan)

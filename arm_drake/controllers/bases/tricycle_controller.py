@@ -24,8 +24,8 @@ from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import Inbox
 from arm_drake.description.parameters import (
-    check_above,
     check_not_empty,
+    check_positive,
 )
 from arm_drake.messages import NANOSECONDS, Odometry
 from arm_drake.messages.control import AckermannDrive, ResetOdometry
@@ -120,7 +120,7 @@ class TricycleControllerParameters(BaseParameters):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_not_empty(self, "traction_joint_name", "steering_joint_name")
-        check_above(self, 0.0, "wheelbase", "wheel_radius")
+        check_positive(self, "wheelbase", "wheel_radius")
 
 
 # What is no largest value, if only the smallest is given.

@@ -6,38 +6,32 @@ gazebo/common/PID.cc, which is that of `GazeboPid`.
 """
 
 import math
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
-from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 
-from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.control.odometry import PlanarPose, WheelOdometryState
-from arm_drake.controllers.bases.base import BaseFrames, Velocity
+from arm_drake.controllers.bases.base import Velocity
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import NEVER_NS, UpdateContext
 from arm_drake.controllers.gazebo.drive import (
     REST,
+    ClassicController,
     GazeboDrive,
     GazeboDriveState,
     clamp,
-    describe_base,
-    describe_frames,
-    describe_wheels,
-    planar_covariance,
 )
 from arm_drake.controllers.gazebo.plugin import (
     GazeboPid,
     GazeboPidState,
     JointForces,
     drive_topics,
-    find_twist_fault,
     publish_period_ns,
-    ros_topic,
 )
-from arm_drake.controllers.topics import Inbox, TopicController
+from arm_drake.controllers.topics import Inbox
 from arm_drake.description.gazebo_plugins import (
     AckermannSteering as AckermannSteeringTag,
 )
@@ -267,7 +261,7 @@ class ClassicAckermannState(NamedTuple):
     inbox: Inbox = Inbox()
 
 
-class GazeboRosAckermannDrive(TopicController[ClassicAckermannState]):
+class GazeboRosAckermannDrive(ClassicController[ClassicAckermannState]):
     """Pushes wheels and steers so that a base moves as told, as Gazebo Classic does.
 
     With J joints and k of them moved:
@@ -312,11 +306,13 @@ class GazeboRosAckermannDrive(TopicController[ClassicAckermannState]):
     message with a number that isn't finite is dropped, which Gazebo takes.
     """
 
+    _tag: GazeboRosAckermannDriveTag
+
     def __init__(
         self, tag: GazeboRosAckermannDriveTag, params: ControllerInterfaceParams
     ) -> None:
         """Create the system."""
-        self._tag, self._update_ns = tag, publish_period_ns(tag.update_rate)
+        self._update_ns = publish_period_ns(tag.update_rate)
         self._pids = _make_pids(tag)
         # What turns both rear wheels is the first force.
         places = {
@@ -331,6 +327,7 @@ class GazeboRosAckermannDrive(TopicController[ClassicAckermannState]):
         put = [f"{joint}/position" for joint in tag.steering_wheel_joints]
         self._rest = np.array([0.0] * len(efforts) + [math.nan] * len(put))
         super().__init__(
+            tag,
             params,
             ClassicAckermannState(self._rest, self._pids.initial()),
             state_interfaces=(
@@ -340,34 +337,8 @@ class GazeboRosAckermannDrive(TopicController[ClassicAckermannState]):
             ),
             command_interfaces=(*efforts, *put),
         )
-        poses = AbstractValue.Make([RigidTransform()])
-        self._links = self.DeclareAbstractInputPort(interfaces.FRAMES_PORT, poses)
-        self._seen = [
-            params.links.index(link)
-            for link in (tag.base_link, *(child for _, child in tag.wheel_links))
-        ]
-        topic, odom, distance, tf = (
-            ros_topic(name, tag.namespace, tag.remappings)
-            for name in ("cmd_vel", "odom", "distance", "/tf")
-        )
-        self._subscribe(topic, Twist, self._take_twist)
-        if tag.publish_odom:
-            self._declare_topic(odom, lambda state: state.published)
-        if tag.publish_distance:
-            self._declare_topic(distance, lambda state: state.published_distance)
-        if tag.publish_odom_tf or tag.publish_wheel_tf:
-            is_base = tag.publish_odom_tf
-            self._declare_topic(
-                tf,
-                lambda state: describe_frames(
-                    state.wheels, state.published if is_base else None
-                ),
-            )
-        self._declare_events()
-        self._frames = BaseFrames(tag.odometry_frame, tag.robot_base_frame)
-        self._covariance = planar_covariance(
-            tag.covariance_x, tag.covariance_y, tag.covariance_yaw
-        )
+        distance = {"distance": attrgetter("published_distance")}
+        self._declare_odometry(**(distance if tag.publish_distance else {}))
 
     def _update(
         self, now: UpdateContext, state: ClassicAckermannState
@@ -405,39 +376,21 @@ class GazeboRosAckermannDrive(TopicController[ClassicAckermannState]):
 
         Gazebo counts the way in every step.
         """
-        if not self._links.HasValue(now.context):
+        if not (poses := self._see(now)):
             return state
-        poses = self._links.Eval(now.context)
-        base, *wheels = [poses[index] for index in self._seen]
+        base, *wheels = poses
         last = state.truth or base
         x, y, _ = (base.translation() - last.translation()).tolist()
         distance = state.distance + math.hypot(x, y)
         state = state._replace(truth=base, distance=distance)
         if not is_due:
             return state
-        time_ns, links = now.time_ns, self._tag.wheel_links
-        dt = now.period_ns / NANOSECONDS
-        shown: tuple[TransformStamped, ...] = ()
-        if self._tag.publish_wheel_tf:
-            shown = describe_wheels(time_ns, base, links, wheels)
-        covariance, poses = self._covariance, (last, base)
+        time_ns, dt = now.time_ns, now.period_ns / NANOSECONDS
         return state._replace(
-            published=describe_base(time_ns, self._frames, poses, dt, covariance),
+            published=self._describe_base(time_ns, last, base, dt),
             published_distance=Float32(distance),
-            wheels=shown,
+            wheels=self._describe_wheels(time_ns, base, wheels),
         )
-
-    def _take_twist(
-        self,
-        state: ClassicAckermannState,
-        message: Twist,
-        time_ns: int,
-        obstacle: str,
-    ) -> tuple[ClassicAckermannState, str]:
-        fault = obstacle or find_twist_fault(message)
-        if fault:
-            return state, fault
-        return state._replace(target=(message.linear.x, message.angular.z)), ""
 
     def _activate(
         self, now: UpdateContext, state: ClassicAckermannState

@@ -11,10 +11,8 @@ from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
-from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 
-from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.control.odometry import (
     DiffDriveKinematics,
@@ -23,7 +21,6 @@ from arm_drake.control.odometry import (
     WheelOdometryState,
 )
 from arm_drake.controllers.bases.base import (
-    BaseFrames,
     Velocity,
     make_odometry,
 )
@@ -36,19 +33,14 @@ from arm_drake.controllers.cycles import (
 )
 from arm_drake.controllers.gazebo.drive import (
     REST,
+    ClassicController,
     GazeboDrive,
     GazeboDriveState,
-    describe_base,
-    describe_frames,
-    describe_wheels,
-    planar_covariance,
 )
 from arm_drake.controllers.gazebo.plugin import (
     drive_topics,
-    find_twist_fault,
-    ros_topic,
 )
-from arm_drake.controllers.topics import Inbox, TopicController
+from arm_drake.controllers.topics import Inbox
 from arm_drake.description.gazebo_plugins import DiffDrive as DiffDriveTag
 from arm_drake.description.gazebo_plugins import (
     GazeboRosDiffDrive as GazeboRosDiffDriveTag,
@@ -274,7 +266,7 @@ class ClassicDriveState(NamedTuple):
     inbox: Inbox = Inbox()
 
 
-class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
+class GazeboRosDiffDrive(ClassicController[ClassicDriveState]):
     """Turns pairs of wheels so that a base moves as it is told, as Gazebo Classic does.
 
     With J joints and k wheels:
@@ -316,11 +308,13 @@ class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
     A message with a number that isn't finite is dropped, which Gazebo takes.
     """
 
+    _tag: GazeboRosDiffDriveTag
+
     def __init__(
         self, tag: GazeboRosDiffDriveTag, params: ControllerInterfaceParams
     ) -> None:
         """Create the system."""
-        self._tag, self._rate = tag, tag.update_rate
+        self._rate = tag.update_rate
         self._radii = np.array(tag.radii)[:, None]
         self._separations = np.array(tag.separations)
         # A joint that is named again follows the last of its wheels.
@@ -328,38 +322,17 @@ class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
         wheels = [joint for pair in pairs for joint in pair]
         last = {joint: k for k, joint in enumerate(wheels)}
         self._at = np.array(list(last.values()), dtype=np.intp)
+        shows = tag.publish_odom or tag.publish_odom_tf
+        self._is_true = shows and tag.odometry_source == _WORLD
         super().__init__(
+            tag,
             params,
             ClassicDriveState(np.zeros(len(last)), np.zeros((len(self._radii), 2))),
+            sees_links=self._is_true or tag.publish_wheel_tf,
             state_interfaces=tuple(f"{joint}/velocity" for joint in wheels),
             command_interfaces=tuple(f"{joint}/velocity" for joint in last),
         )
-        shows = tag.publish_odom or tag.publish_odom_tf
-        self._is_true = shows and tag.odometry_source == _WORLD
-        self._links = None
-        if self._is_true or tag.publish_wheel_tf:
-            poses = AbstractValue.Make([RigidTransform()])
-            self._links = self.DeclareAbstractInputPort(interfaces.FRAMES_PORT, poses)
-        topic, odom, tf = (
-            ros_topic(name, tag.namespace, tag.remappings)
-            for name in ("cmd_vel", "odom", "/tf")
-        )
-        self._subscribe(topic, Twist, self._take_twist)
-        if tag.publish_odom:
-            self._declare_topic(odom, lambda state: state.published)
-        if tag.publish_odom_tf or tag.publish_wheel_tf:
-            is_base = tag.publish_odom_tf
-            self._declare_topic(
-                tf,
-                lambda state: describe_frames(
-                    state.wheels, state.published if is_base else None
-                ),
-            )
-        self._declare_events()
-        self._frames = BaseFrames(tag.odometry_frame, tag.robot_base_frame)
-        self._covariance = planar_covariance(
-            tag.covariance_x, tag.covariance_y, tag.covariance_yaw
-        )
+        self._declare_odometry()
 
     def _update(
         self, now: UpdateContext, state: ClassicDriveState
@@ -372,7 +345,7 @@ class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
             odometry = state.odometry.move(left, right, self._separations[0], dt)
             state = state._replace(odometry=odometry)
         if state.truth is None and self._is_true:
-            (truth,) = self._see(now, [self._tag.base_link]) or (None,)
+            truth, *_ = self._see(now) or (None,)
             state = state._replace(truth=truth)
         elapsed_ns = now.time_ns - state.last_ns
         # Times of ticks are cut to whole nanoseconds.
@@ -393,36 +366,17 @@ class GazeboRosDiffDrive(TopicController[ClassicDriveState]):
         self, now: UpdateContext, state: ClassicDriveState, dt: float
     ) -> ClassicDriveState:
         """Return the state with what an update publishes; `dt` [s]."""
-        time_ns, frames, tag = now.time_ns, self._frames, self._tag
-        links = [tag.base_link, *(child for _, child in tag.wheel_links)]
-        base, *wheels = self._see(now, links) or (None,)
-        if tag.publish_wheel_tf and base is not None:
-            shown = describe_wheels(time_ns, base, tag.wheel_links, wheels)
-            state = state._replace(wheels=shown)
-        covariance = self._covariance
-        if state.truth is not None and base is not None:
-            poses = (state.truth, base)
-            message = describe_base(time_ns, frames, poses, dt, covariance)
-            return state._replace(truth=base, published=message)
+        time_ns = now.time_ns
+        base, *wheels = self._see(now) or (None,)
+        if base is not None:
+            state = state._replace(wheels=self._describe_wheels(time_ns, base, wheels))
+            if state.truth is not None:
+                message = self._describe_base(time_ns, state.truth, base, dt)
+                return state._replace(truth=base, published=message)
         pose, speed, turning = state.odometry
-        velocity, both = (speed, 0.0, turning), (covariance, covariance)
-        message = make_odometry(time_ns, frames, pose, velocity, both)
+        velocity, both = (speed, 0.0, turning), (self._covariance,) * 2
+        message = make_odometry(time_ns, self._frames, pose, velocity, both)
         return state._replace(published=message)
-
-    def _see(self, now: UpdateContext, links: Sequence[str]) -> list[RigidTransform]:
-        """Return where links are in the world; nothing if nobody tells it."""
-        if self._links is None or not self._links.HasValue(now.context):
-            return []
-        poses = self._links.Eval(now.context)
-        return [poses[self.params.links.index(link)] for link in links]
-
-    def _take_twist(
-        self, state: ClassicDriveState, message: Twist, time_ns: int, obstacle: str
-    ) -> tuple[ClassicDriveState, str]:
-        fault = obstacle or find_twist_fault(message)
-        if fault:
-            return state, fault
-        return state._replace(target=(message.linear.x, message.angular.z)), ""
 
     def _deactivate(
         self, now: UpdateContext, state: ClassicDriveState

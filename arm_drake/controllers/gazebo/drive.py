@@ -6,10 +6,11 @@ speeds and publish alike; gz-math, src/SpeedLimiter.cc.
 
 import math
 from abc import abstractmethod
-from collections.abc import Sequence
-from typing import ClassVar, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 
 import numpy as np
+from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from arm_drake import interfaces
@@ -24,9 +25,13 @@ from arm_drake.controllers.bases.base import (
 )
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
-from arm_drake.controllers.gazebo.plugin import find_twist_fault, publish_period_ns
-from arm_drake.controllers.topics import Inbox, TopicController
-from arm_drake.description.gazebo_plugins import WheelDrive
+from arm_drake.controllers.gazebo.plugin import (
+    find_twist_fault,
+    publish_period_ns,
+    ros_topic,
+)
+from arm_drake.controllers.topics import Inbox, TopicController, TopicState
+from arm_drake.description.gazebo_plugins import ClassicBase, ClassicDrive, WheelDrive
 from arm_drake.messages import (
     NANOSECONDS,
     Header,
@@ -246,70 +251,143 @@ class GazeboDrive(TopicController[GazeboDriveState]):
         )
 
 
+def find_velocity(
+    last: RigidTransform, pose: RigidTransform, dt: float
+) -> tuple[Array, Array]:
+    """Return the mean velocity between two poses [m/s] and that of turning [rad/s].
+
+    Both are in the world, shape (3,); `dt` [s].
+    """
+    turn = pose.rotation().multiply(last.rotation().inverse()).ToAngleAxis()
+    moved = pose.translation() - last.translation()
+    return moved / dt, turn.angle() * turn.axis() / dt
+
+
+def along_heading(pose: RigidTransform, velocity: Array) -> Vector3:
+    """Return a velocity in the world, shape (3,), forwards and to the left."""
+    yaw = RollPitchYaw(pose.rotation()).yaw_angle()
+    c, s = float(np.cos(yaw)), float(np.sin(yaw))
+    x, y, _ = velocity.tolist()
+    return Vector3(c * x + s * y, c * y - s * x, 0.0)
+
+
+def orientation_of(pose: RigidTransform) -> Quaternion:
+    """Return the orientation of a pose as a message."""
+    return Quaternion.from_wxyz(pose.rotation().ToQuaternion().wxyz())
+
+
 # Of what a base on the ground doesn't do.
 _UNKNOWN = 1e12
 
 
-def planar_covariance(x: float, y: float, yaw: float) -> tuple[float, ...]:
-    """Return the covariance, shape (36,), of a base on the ground in Gazebo Classic."""
-    return diagonal((x, y, _UNKNOWN, _UNKNOWN, _UNKNOWN, yaw))
+class ClassicState(TopicState, Protocol):
+    """State of a ClassicController: a named tuple with these fields and its own."""
+
+    @property
+    def published(self) -> Odometry:
+        """Return what was published last."""
 
 
-def describe_base(
-    time_ns: int,
-    frames: BaseFrames,
-    poses: tuple[RigidTransform, RigidTransform],
-    dt: float,
-    covariance: tuple[float, ...],
-) -> Odometry:
-    """Return the odometry of a base whose pose is known.
+C = TypeVar("C", bound=ClassicState)
 
-    `dt` [s]; `covariance` shape (36,).
+
+class ClassicController(TopicController[C]):
+    """Base of Gazebo Classic's plugins that move a base as they are told.
+
+    It reads where links are and takes velocities. A subclass declares what it publishes
+    by `_declare_odometry`.
     """
-    last, pose = poses
-    x, y, wz = 0.0, 0.0, 0.0
-    if dt > 0.0:
-        x, y = (pose.translation() - last.translation())[:2] / dt
-        turn = pose.rotation().multiply(last.rotation().inverse()).ToAngleAxis()
-        wz = turn.angle() * turn.axis()[2] / dt
-    yaw = RollPitchYaw(pose.rotation()).yaw_angle()
-    c, s = np.cos(yaw), np.sin(yaw)
-    linear = Vector3(c * x + s * y, c * y - s * x, 0.0)
-    where = _to_transform(pose)
-    at = where.translation
-    return Odometry(
-        Header.from_nanoseconds(time_ns, frames.odom),
-        frames.base,
-        PoseWithCovariance(Pose(Point(at.x, at.y, at.z), where.rotation), covariance),
-        TwistWithCovariance(Twist(linear, Vector3(0.0, 0.0, wz)), covariance),
-    )
 
+    def __init__(
+        self,
+        tag: ClassicBase,
+        params: ControllerInterfaceParams,
+        initial: C,
+        *,
+        sees_links: bool = True,
+        **names: Any,
+    ) -> None:
+        """Create the system; `sees_links` is whether it reads where links are."""
+        super().__init__(params, initial, **names)
+        self._tag = tag
+        self._frames = BaseFrames(tag.odometry_frame, tag.robot_base_frame)
+        x, y, yaw = tag.covariance_x, tag.covariance_y, tag.covariance_yaw
+        self._covariance = diagonal((x, y, _UNKNOWN, _UNKNOWN, _UNKNOWN, yaw))
+        self._shows_wheels = isinstance(tag, ClassicDrive) and tag.publish_wheel_tf
+        self._wheels = tag.wheel_links if isinstance(tag, ClassicDrive) else ()
+        self._links = None
+        if sees_links:
+            poses = AbstractValue.Make([RigidTransform()])
+            self._links = self.DeclareAbstractInputPort(interfaces.FRAMES_PORT, poses)
+            links = (tag.base_link, *(child for _, child in self._wheels))
+            self._seen = [params.links.index(link) for link in links]
+        self._subscribe(self._topic("cmd_vel"), Twist, self._take_twist)
 
-def describe_wheels(
-    time_ns: int,
-    base: RigidTransform,
-    links: Sequence[tuple[str, str]],
-    poses: Sequence[RigidTransform],
-) -> tuple[TransformStamped, ...]:
-    """Return the frames of wheels."""
-    return tuple(
-        TransformStamped(
-            Header.from_nanoseconds(time_ns, parent),
-            child,
-            _to_transform(base.inverse() @ pose),
+    def _topic(self, name: str) -> str:
+        """Return the full name of a topic."""
+        return ros_topic(name, self._tag.namespace, self._tag.remappings)
+
+    def _declare_odometry(self, **others: Callable[[C], Any]) -> None:
+        """Declare the topics of the odometry, others between them, and the events."""
+        tag = self._tag
+        if tag.publish_odom:
+            self._declare_topic(self._topic("odom"), lambda state: state.published)
+        for name, show in others.items():
+            self._declare_topic(self._topic(name), show)
+        if tag.publish_odom_tf or self._shows_wheels:
+            self._declare_topic(self._topic("/tf"), self._describe_frames)
+        self._declare_events()
+
+    def _describe_frames(self, state: C) -> TFMessage:
+        """Return the frames of wheels, and of the base if it is told there."""
+        wheels: tuple[TransformStamped, ...] = getattr(state, "wheels", ())
+        if not self._tag.publish_odom_tf:
+            return TFMessage(wheels)
+        return TFMessage((*wheels, *make_transform(state.published).transforms))
+
+    def _see(self, now: UpdateContext) -> list[RigidTransform]:
+        """Return where the base and wheels are; nothing if nobody tells it."""
+        if self._links is None or not self._links.HasValue(now.context):
+            return []
+        poses = self._links.Eval(now.context)
+        return [poses[index] for index in self._seen]
+
+    def _describe_base(
+        self, time_ns: int, last: RigidTransform, pose: RigidTransform, dt: float
+    ) -> Odometry:
+        """Return the odometry of a base whose pose is known; `dt` [s]."""
+        moved = turned = np.zeros(3)
+        if dt > 0.0:
+            moved, turned = find_velocity(last, pose, dt)
+        twist = Twist(along_heading(pose, moved), Vector3(z=turned[2]))
+        at = Point(*pose.translation().tolist())
+        where = Pose(at, orientation_of(pose))
+        return Odometry(
+            Header.from_nanoseconds(time_ns, self._frames.odom),
+            self._frames.base,
+            PoseWithCovariance(where, self._covariance),
+            TwistWithCovariance(twist, self._covariance),
         )
-        for (parent, child), pose in zip(links, poses, strict=True)
-    )
 
+    def _describe_wheels(
+        self, time_ns: int, base: RigidTransform, poses: Sequence[RigidTransform]
+    ) -> tuple[TransformStamped, ...]:
+        """Return the frames of the wheels, nothing if they aren't published."""
+        if not self._shows_wheels:
+            return ()
+        frames = []
+        for (parent, child), pose in zip(self._wheels, poses, strict=True):
+            X_BW = base.inverse() @ pose
+            at = Vector3(*X_BW.translation().tolist())
+            where = Transform(at, orientation_of(X_BW))
+            header = Header.from_nanoseconds(time_ns, parent)
+            frames.append(TransformStamped(header, child, where))
+        return tuple(frames)
 
-def describe_frames(
-    wheels: tuple[TransformStamped, ...], odometry: Odometry | None
-) -> TFMessage:
-    """Return the topic /tf: wheels, and a base if its odometry is told there."""
-    base = () if odometry is None else make_transform(odometry).transforms
-    return TFMessage((*wheels, *base))
-
-
-def _to_transform(pose: RigidTransform) -> Transform:
-    w, x, y, z = pose.rotation().ToQuaternion().wxyz().tolist()
-    return Transform(Vector3(*pose.translation().tolist()), Quaternion(x, y, z, w))
+    def _take_twist(
+        self, state: C, message: Twist, time_ns: int, obstacle: str
+    ) -> tuple[C, str]:
+        fault = obstacle or find_twist_fault(message)
+        if fault:
+            return state, fault
+        return state._replace(target=(message.linear.x, message.angular.z)), ""

@@ -14,6 +14,11 @@ from arm_drake.arrays import Array
 from arm_drake.controllers.bases.base import make_transform
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
+from arm_drake.controllers.gazebo.drive import (
+    along_heading,
+    find_velocity,
+    orientation_of,
+)
 from arm_drake.controllers.gazebo.plugin import as_topic, publish_period_ns
 from arm_drake.controllers.topics import Inbox, TopicController
 from arm_drake.description.gazebo_plugins import (
@@ -26,7 +31,6 @@ from arm_drake.messages import (
     Point,
     Pose,
     PoseWithCovariance,
-    Quaternion,
     Twist,
     TwistWithCovariance,
     Vector3,
@@ -131,27 +135,22 @@ class OdometryPublisher(TopicController[OdometryPublisherState]):
         self, last: RigidTransform, pose: RigidTransform, dt: float
     ) -> Twist:
         """Return the velocity along the axes of the frame; `dt` [s]."""
-        moved = (pose.translation() - last.translation()) / dt
-        turn = pose.rotation().multiply(last.rotation().inverse()).ToAngleAxis()
+        moved, turned = find_velocity(last, pose, dt)
         R_FW = pose.rotation().inverse()
-        wx, wy, wz = R_FW.multiply(turn.angle() * turn.axis() / dt).tolist()
+        wx, wy, wz = R_FW.multiply(turned).tolist()
         if not self._is_flat:
             x, y, z = R_FW.multiply(moved).tolist()
             return Twist(Vector3(x, y, z), Vector3(wx, wy, wz))
-        yaw = RollPitchYaw(pose.rotation()).yaw_angle()
-        c, s = float(np.cos(yaw)), float(np.sin(yaw))
-        x, y, _ = moved.tolist()
-        return Twist(Vector3(c * x + s * y, c * y - s * x, 0.0), Vector3(z=wz))
+        return Twist(along_heading(pose, moved), Vector3(z=wz))
 
     def _describe(self, time_ns: int, pose: RigidTransform, twist: Twist) -> Odometry:
         """Return the message of a tick."""
         x, y, z = pose.translation().tolist()
-        qw, qx, qy, qz = pose.rotation().ToQuaternion().wxyz().tolist()
         at = Point(x, y, 0.0 if self._is_flat else z)
         odom, base = self._frames
         return Odometry(
             Header.from_nanoseconds(time_ns, odom),
             base,
-            PoseWithCovariance(Pose(at, Quaternion(qx, qy, qz, qw))),
+            PoseWithCovariance(Pose(at, orientation_of(pose))),
             TwistWithCovariance(twist),
         )

@@ -25,7 +25,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_drake.arrays import Array
+from arm_drake.arrays import Array, clamp
 from arm_drake.description.gazebo_plugins import (
     AckermannSteering,
     ApplyJointForce,
@@ -155,9 +155,9 @@ class GazeboPid(Message):
         self, i_term: Array, error: Array, rate: Array, dt: float
     ) -> tuple[Array, Array]:
         """Return the new integral terms and the commands; all is finite."""
-        i_term = _clamp(i_term + self.i * dt * error, self.i_min, self.i_max)
+        i_term = clamp(i_term + self.i * dt * error, self.i_min, self.i_max)
         command = self.cmd_offset - self.p * error - i_term - self.d * rate
-        return i_term, _clamp(command, self.cmd_min, self.cmd_max)
+        return i_term, clamp(command, self.cmd_min, self.cmd_max)
 
 
 def _array(values: Sequence[float] | Array) -> Array:
@@ -173,11 +173,6 @@ def _limits(high: Sequence[float], low: Sequence[float]) -> tuple[Array, Array]:
         _array(np.where(is_limited, high, math.inf)),
         _array(np.where(is_limited, low, -math.inf)),
     )
-
-
-def _clamp(values: Array, low: Array, high: Array) -> Array:
-    # np.clip does the same, slower.
-    return np.minimum(np.maximum(values, low), high)
 
 
 Indices = NDArray[np.intp]

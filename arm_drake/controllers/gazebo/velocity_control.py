@@ -8,20 +8,17 @@ import math
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.controllers.bases.base import BaseFrames, make_transform
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
-from arm_drake.controllers.gazebo.drive import describe_base, planar_covariance
+from arm_drake.controllers.gazebo.drive import ClassicController
 from arm_drake.controllers.gazebo.plugin import (
     as_topic,
     find_twist_fault,
     publish_period_ns,
-    ros_topic,
 )
 from arm_drake.controllers.topics import Inbox, TopicController
 from arm_drake.description.gazebo_plugins import (
@@ -146,7 +143,7 @@ class PlanarMoveState(NamedTuple):
     inbox: Inbox = Inbox()
 
 
-class GazeboRosPlanarMove(TopicController[PlanarMoveState]):
+class GazeboRosPlanarMove(ClassicController[PlanarMoveState]):
     """Sets the velocity of the robot's base on the ground, as Gazebo Classic does.
 
     With J joints:
@@ -189,30 +186,9 @@ class GazeboRosPlanarMove(TopicController[PlanarMoveState]):
         """Create the system."""
         self._update_ns = publish_period_ns(tag.update_rate)
         self._publish_ns = publish_period_ns(tag.publish_rate)
-        self._frames = BaseFrames(tag.odometry_frame, tag.robot_base_frame)
-        self._covariance = planar_covariance(
-            tag.covariance_x, tag.covariance_y, tag.covariance_yaw
-        )
-        super().__init__(
-            params,
-            PlanarMoveState(np.zeros(0)),
-            state_interfaces=(),
-            command_interfaces=(),
-        )
-        poses = AbstractValue.Make([RigidTransform()])
-        self._links = self.DeclareAbstractInputPort(interfaces.FRAMES_PORT, poses)
-        self._link = params.links.index(tag.base_link)
-        topic, odom, tf = (
-            ros_topic(name, tag.namespace, tag.remappings)
-            for name in ("cmd_vel", "odom", "/tf")
-        )
-        self._subscribe(topic, Twist, self._take_twist)
+        super().__init__(tag, params, PlanarMoveState(np.zeros(0)))
         self._declare_topic(interfaces.TWIST_PORT, lambda state: state.held)
-        if tag.publish_odom:
-            self._declare_topic(odom, lambda state: state.published)
-        if tag.publish_odom_tf:
-            self._declare_topic(tf, lambda state: make_transform(state.published))
-        self._declare_events()
+        self._declare_odometry()
 
     def _update(self, now: UpdateContext, state: PlanarMoveState) -> PlanarMoveState:
         state = self._receive(now, state)
@@ -224,15 +200,14 @@ class GazeboRosPlanarMove(TopicController[PlanarMoveState]):
 
     def _publish(self, now: UpdateContext, state: PlanarMoveState) -> PlanarMoveState:
         """Return the state with the odometry of a tick."""
-        if not self._links.HasValue(now.context):
+        if not (poses := self._see(now)):
             return state
-        pose = self._links.Eval(now.context)[self._link]
+        [pose] = poses
         last, state = state.truth or pose, state._replace(truth=pose)
         if now.time_ns - state.published_ns < self._publish_ns - 1:
             return state
         dt = now.period_ns / NANOSECONDS
-        poses = (last, pose)
-        message = describe_base(now.time_ns, self._frames, poses, dt, self._covariance)
+        message = self._describe_base(now.time_ns, last, pose, dt)
         return state._replace(published=message, published_ns=now.time_ns)
 
     def _take_twist(

@@ -35,6 +35,7 @@ from arm_drake.description.meshes.surfaces import (
     encode_gltf,
     encode_surface,
     require_decimation,
+    stack,
 )
 from arm_drake.description.report import Kind, LoadReport, ReportEntry, Severity
 from arm_drake.errors import MissingExtraError, OutputError, suggest_file
@@ -259,12 +260,10 @@ def decompose(surfaces: list[Surface]) -> list[Array]:
 
 def _joined(surfaces: list[Surface]) -> tuple[Array, Array]:
     """Return different corners, shape (n, 3), and triangles of them, shape (m, 3)."""
-    vertices = np.concatenate([surface.vertices for surface in surfaces])
-    counts = np.cumsum([0, *(len(surface.vertices) for surface in surfaces)])
-    faces = [s.faces + first for s, first in zip(surfaces, counts, strict=False)]
+    vertices, faces = stack(surfaces)
     # Surfaces of one body share an edge where its colour changes.
     points, rows = np.unique(vertices, axis=0, return_inverse=True)
-    return points.astype(float), rows.ravel()[np.concatenate(faces)]
+    return points.astype(float), rows.ravel()[faces]
 
 
 def solid_points(points: Array) -> tuple[Array, bool]:

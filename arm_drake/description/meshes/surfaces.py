@@ -150,7 +150,7 @@ def encode_gltf(surfaces: list[Surface], default_color: Color) -> bytes:
         if surface.texture is not None and surface.uv is not None:
             attributes["TEXCOORD_0"] = add([0, 1] + surface.uv * [1, -1], "VEC2")
             kind = "png" if surface.texture.startswith(b"\x89PNG") else "jpeg"
-            uri = _data_uri(f"image/{kind}", surface.texture)
+            uri = data_uri(f"image/{kind}", surface.texture)
             images += [] if uri in images else [uri]
             look["baseColorTexture"] = {"index": images.index(uri)}
         material = {"pbrMetallicRoughness": look, "doubleSided": True}
@@ -161,7 +161,7 @@ def encode_gltf(surfaces: list[Surface], default_color: Color) -> bytes:
         primitive["indices"] = add(surface.faces, "SCALAR", is_index=True)
         primitives.append(primitive | {"material": materials.index(material)})
 
-    uri = _data_uri("application/octet-stream", bytes(buffer))
+    uri = data_uri("application/octet-stream", bytes(buffer))
     document: dict[str, Any] = {"asset": {"version": "2.0", "generator": _GENERATOR}}
     document |= {"scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}]}
     document |= {"meshes": [{"primitives": primitives}], "materials": materials}
@@ -227,9 +227,15 @@ def move(surface: Surface, matrix: Array) -> Surface:
     return dc.replace(surface, faces=faces, **columns)
 
 
+def stack(surfaces: list[Surface]) -> tuple[Array, NDArray[np.int64]]:
+    """Return the vertices of surfaces, shape (n, 3), and triangles, shape (m, 3)."""
+    starts = np.cumsum([0, *(len(s.vertices) for s in surfaces)])
+    faces = [s.faces + n for s, n in zip(surfaces, starts, strict=False)]
+    return np.concatenate([s.vertices for s in surfaces]), np.concatenate(faces)
+
+
 def join(surfaces: list[Surface]) -> Surface:
     """Return surfaces that have colours and normals as one, with colours by vertex."""
-    starts = np.cumsum([0, *(len(s.vertices) for s in surfaces)])
     colors = [
         np.tile(np.array(s.color), (len(s.vertices), 1))
         if s.vertex_colors is None
@@ -237,8 +243,7 @@ def join(surfaces: list[Surface]) -> Surface:
         for s in surfaces
     ]
     return Surface(
-        np.concatenate([s.vertices for s in surfaces]),
-        np.concatenate([s.faces + n for s, n in zip(surfaces, starts, strict=False)]),
+        *stack(surfaces),
         normals=np.concatenate([np.asarray(s.normals) for s in surfaces]),
         vertex_colors=np.concatenate(colors),
     )
@@ -252,7 +257,8 @@ def _z_up(vectors: Array) -> Array:
     return vectors[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
 
 
-def _data_uri(kind: str, data: bytes) -> str:
+def data_uri(kind: str, data: bytes) -> str:
+    """Return a URI that holds what it names, of a MIME type."""
     return f"data:{kind};base64,{base64.b64encode(data).decode()}"
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from pydrake.math import RigidTransform
 
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import InputError, check_known, suggest
 from arm_drake.visualization.meshcat import (
     THREE_QUARTER,
     has_moved_camera,
@@ -55,8 +55,7 @@ class CameraPart(Part):
         Raises:
             InputError: If there is no such direction.
         """
-        if name not in DIRECTIONS:
-            raise InputError(f"camera: no view {name!r}; {suggest(name, DIRECTIONS)}")
+        check_known("view", name, DIRECTIONS, argument="camera")
         self._frame(DIRECTIONS[name])
 
     def follow(self, link: str | None) -> None:

@@ -13,7 +13,6 @@ from pydrake.geometry import Meshcat, Rgba
 from pydrake.math import RigidTransform
 from pydrake.perception import BaseField, Fields, PointCloud
 
-from arm_drake.arrays import Array
 from arm_drake.description.joints import WORLD
 from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.messages import (
@@ -28,7 +27,7 @@ from arm_drake.messages.sensors import ContactsState, ContactState
 from arm_drake.perception.cameras import R_SENSOR_OPTICAL, Camera
 from arm_drake.perception.images import to_colors, to_points
 from arm_drake.perception.lidar import Lidar
-from arm_drake.visualization.contact_arrows import ContactArrows
+from arm_drake.visualization.contact_arrows import ContactArrows, to_array
 from arm_drake.visualization.page.parts import Drawn, Part
 from arm_drake.visualization.page.widgets import Section, Toggle
 from arm_drake.visualization.trail import Trail
@@ -49,9 +48,6 @@ _MOST_RECORDED = 5_000
 # The shortest time between two scans or clouds, and the part of the time they may take
 # at most [s]; in a recording the simulated time between two, and no limit.
 _PERIOD, _SHARE = 0.1, 0.25
-
-# The arrow of a robot's weight is so long, in parts of the robot's size.
-_WEIGHT_LENGTH, _GRAVITY, _SMALLEST_SIZE = 0.5, 9.81, 0.1
 
 
 class Display(ABC):
@@ -244,19 +240,13 @@ class _Forces(Display):
         super().__init__(live, topic, path)
         simulation = live.simulation
         poses = simulation.link_poses(self._robot).values()
-        points = np.array([pose.translation() for pose in poses])
-        size = max(float(np.linalg.norm(np.ptp(points, axis=0))), _SMALLEST_SIZE)
         mass = 1.0
         if live.views.has_physics:
             model = simulation.plant.GetModelInstanceByName(self._robot)
             plant, root = simulation.plant, simulation.context
             mass = plant.CalcTotalMass(plant.GetMyContextFromRoot(root), [model])
-        self._arrows = ContactArrows(
-            live.page.meshcat,
-            topic.strip("/"),
-            force=max(mass * _GRAVITY, 1e-3),
-            length=_WEIGHT_LENGTH * size,
-        )
+        name = topic.strip("/")
+        self._arrows = ContactArrows.of_robot(live.page.meshcat, name, mass, poses)
 
     def clear(self) -> None:
         """Draw nothing."""
@@ -271,7 +261,7 @@ class WrenchArrow(_Forces):
     def draw(self, message: WrenchStamped) -> None:
         """Draw the force."""
         X_WF = self._pose(message.header.frame_id)
-        force = X_WF.rotation() @ _to_array(message.wrench.force)
+        force = X_WF.rotation() @ to_array(message.wrench.force)
         state = ContactState(
             wrenches=(type(message.wrench)(force=Vector3(*force)),),
             contact_positions=(Vector3(*X_WF.translation()),),
@@ -289,8 +279,8 @@ class Contacts(_Forces):
         X_WF = self._pose(message.header.frame_id)
         states = []
         for state in message.states:
-            forces = [X_WF.rotation() @ _to_array(w.force) for w in state.wrenches]
-            points = [X_WF @ _to_array(p) for p in state.contact_positions]
+            forces = [X_WF.rotation() @ to_array(w.force) for w in state.wrenches]
+            points = [X_WF @ to_array(p) for p in state.contact_positions]
             states.append(
                 ContactState(
                     wrenches=tuple(
@@ -433,11 +423,7 @@ def _to_transform(pose: Pose) -> RigidTransform:
     numbers = np.array([q.w, q.x, q.y, q.z])
     norm = float(np.linalg.norm(numbers))
     rotation = Quaternion(numbers / norm if norm else np.array([1.0, 0.0, 0.0, 0.0]))
-    return RigidTransform(rotation, _to_array(pose.position))
-
-
-def _to_array(point: Any) -> Array:
-    return np.array([point.x, point.y, point.z])
+    return RigidTransform(rotation, to_array(pose.position))
 
 
 def _find_wanted(live: Drawn, topics: Mapping[str, type[Display]]) -> tuple[str, ...]:

@@ -14,7 +14,8 @@ from pydrake.multibody.tree import BodyIndex, RigidBody
 from pydrake.systems.framework import Context
 
 from arm_drake.arrays import Array
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import check_known
+from arm_drake.options import GRAVITY
 from arm_drake.plant.kinematics import KinematicPlant
 from arm_drake.visualization.page.parts import Live, Part
 from arm_drake.visualization.page.widgets import (
@@ -39,8 +40,6 @@ _HOLD = 0.002
 # Where the spring is drawn, and how.
 _PATH = "/hands/spring"
 _COLOR, _WIDTH = Rgba(0.9, 0.35, 0.05), 4.0
-
-_GRAVITY = 9.81
 
 DIRECTIONS: Mapping[str, tuple[float, float, float]] = {
     "+x": (1.0, 0.0, 0.0),
@@ -212,7 +211,7 @@ class Hands(Part):
         """Return its part of the panel."""
         if not self.bodies:
             return Section("Pull and push", ())
-        weight = self._plant.CalcTotalMass(self._context) * _GRAVITY
+        weight = self._plant.CalcTotalMass(self._context) * GRAVITY
         hint = "or hold shift: what is dragged in the scene is pulled by a spring"
         return Section(
             "Pull and push",
@@ -229,8 +228,7 @@ class Hands(Part):
         )
 
     def _find(self, name: str) -> RigidBody:
-        if name not in self.bodies:
-            raise InputError(f"no body {name!r}; {suggest(name, self.bodies)}")
+        check_known("body", name, self.bodies)
         return self._plant.get_body(self.bodies[name])
 
     def _drag(self, value: object) -> None:
@@ -286,7 +284,7 @@ class Hands(Part):
         stretch = pull.target - X_WB.translation() - p_BoBq_W
         force = mass * _FREQUENCY**2 * stretch
         force -= 2.0 * _DAMPING * mass * _FREQUENCY * velocity
-        largest = _MOST_WEIGHTS * max(total, mass) * _GRAVITY
+        largest = _MOST_WEIGHTS * max(total, mass) * GRAVITY
         size = float(np.linalg.norm(force))
         force *= min(1.0, largest / max(size, 1e-9))
         self._size = min(size, largest)

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import InputError, check_known, suggest
 from arm_drake.messages import Message, Time
 from arm_drake.visualization.page.parts import Live, Part
 from arm_drake.visualization.page.widgets import Button, Buttons, Choice, Section
@@ -184,8 +184,7 @@ class LivePlots(Part):
         Raises:
             InputError: If it isn't plotted.
         """
-        if name not in self._curves:
-            raise InputError(f"plot: no curve {name!r}; {suggest(name, self._curves)}")
+        check_known("curve", name, self._curves, argument="plot")
         at = self.curves.index(name) + 1
         del self._curves[name]
         for row in self._rows:
@@ -311,8 +310,3 @@ class LivePlots(Part):
         """Tell the page of other curves, with all rows."""
         self._num_new = 0
         self._live.page.set_plot(self.curves, self.rows)
-
-
-def make_plots(live: Live) -> LivePlots:
-    """Return the section of a simulation."""
-    return LivePlots(live)

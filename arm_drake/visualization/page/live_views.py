@@ -33,11 +33,6 @@ from arm_drake.visualization.page.panel import (
 from arm_drake.visualization.trail import Trail
 from arm_drake.worlds.things import free_bodies
 
-# How long the weight of a robot is drawn, in parts of the size of the robot.
-_WEIGHT_LENGTH = 0.5
-
-_GRAVITY = 9.81
-
 # What is shown where nothing is.
 _NOTHING = "none"
 
@@ -324,18 +319,9 @@ class LiveViews:
         )
         for name, model in self._models.items():
             mass = self._plant.CalcTotalMass(context, [model])
-            self._arrows[name] = ContactArrows(
-                self._scene.meshcat,
-                name,
-                force=max(mass * _GRAVITY, 1e-3),
-                length=_WEIGHT_LENGTH * self._size(name),
-            )
-
-    def _size(self, name: str) -> float:
-        """Return how large a robot is [m], from its links' origins."""
-        poses = self._simulation.link_poses(name).values()
-        points = np.array([pose.translation() for pose in poses])
-        return max(float(np.linalg.norm(np.ptp(points, axis=0))), 0.1)
+            poses = self._simulation.link_poses(name).values()
+            arrows = ContactArrows.of_robot(self._scene.meshcat, name, mass, poses)
+            self._arrows[name] = arrows
 
     def _named(self, poses: _Poses) -> dict[str, RigidTransform]:
         """Return poses of links by their names as frames."""

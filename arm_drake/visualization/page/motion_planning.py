@@ -15,9 +15,10 @@ import numpy as np
 from pydrake.geometry import Rgba
 from pydrake.math import RigidTransform, RollPitchYaw
 
+from arm_drake.arrays import is_finite
 from arm_drake.description.joints import last_master
 from arm_drake.description.robot import Robot
-from arm_drake.errors import ArmDrakeError, InputError, suggest
+from arm_drake.errors import ArmDrakeError, InputError, check_known
 from arm_drake.planning.groups import PlanningGroup, find_state, planning_groups
 from arm_drake.planning.orientation_constraint import OrientationConstraint
 from arm_drake.plant.plant import transform_of
@@ -25,7 +26,7 @@ from arm_drake.simulation.mailbox import GoalHandle
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.ghost import Ghost
 from arm_drake.visualization.link_drawings import draw_triad
-from arm_drake.visualization.page.live_views import LiveViews
+from arm_drake.visualization.page.parts import Drawn
 from arm_drake.visualization.page.scene import Event, Scene
 from arm_drake.visualization.page.widgets import (
     Button,
@@ -220,10 +221,7 @@ class MotionPlanning:
 
     def set_group(self, label: str) -> None:
         """Plan for another group; the goal is where it is now."""
-        if label not in self._groups:
-            raise InputError(
-                f"no planning group {label!r}; {suggest(label, self._groups)}"
-            )
+        check_known("planning group", label, self._groups)
         self.clear()
         self._label, self._frame = label, self._group.tip
         self._is_position_only = self._group.is_position_only
@@ -231,10 +229,7 @@ class MotionPlanning:
 
     def set_frame(self, frame: str) -> None:
         """Let the pose be that of another link; the goal stays."""
-        if frame not in self._frames():
-            raise InputError(
-                f"frame: no link {frame!r}; {suggest(frame, self._frames())}"
-            )
+        check_known("link", frame, self._frames(), argument="frame")
         self._frame = frame
         self._take(self._begin().positions, _POSE)
 
@@ -255,7 +250,7 @@ class MotionPlanning:
         goal = self._begin()
         for index, (name, _) in enumerate(_NUMBERS):
             value = numbers.pop(name, goal.pose[index])
-            if not (isinstance(value, int | float) and math.isfinite(value)):
+            if not is_finite(value):
                 raise InputError(f"{name}: expected a finite number, got {value!r}")
             goal.pose[index] = float(value)
         if numbers:
@@ -494,8 +489,8 @@ class MotionPlanning:
 
     def _own(self, positions: Mapping[str, float]) -> dict[str, float]:
         """Return positions of independent joints."""
-        joints = self._robot.description.movable_joints
-        return {j.name: float(positions[j.name]) for j in joints if j.mimic is None}
+        joints = self._robot.description.independent_joints
+        return {joint.name: float(positions[joint.name]) for joint in joints}
 
     def _shift(self) -> RigidTransform:
         """Return how far the base is from where the robot is loaded."""
@@ -669,9 +664,8 @@ class ViewedRobot:
 
     def options(self, robot: str) -> dict[str, Any]:
         """Return where plans start."""
-        movable = self._viewer.robot.description.movable_joints
-        own = [joint.name for joint in movable if joint.mimic is None]
-        return {"start": {name: self._viewer.positions[name] for name in own}}
+        own = self._viewer.robot.description.independent_joints
+        return {"start": {j.name: self._viewer.positions[j.name] for j in own}}
 
     def planned(self, robot: str) -> Robot:
         """Return the robot."""
@@ -692,30 +686,18 @@ class ViewedRobot:
         if self._moving is None:
             return ""
         positions, is_over = self._moving.now()
-        movable = self._viewer.robot.description.movable_joints
-        own = {joint.name for joint in movable if joint.mimic is None}
+        joints = self._viewer.robot.description.independent_joints
+        own = {joint.name for joint in joints}
         self._viewer.set_positions({n: q for n, q in positions.items() if n in own})
         if is_over:
             self._moving = None
         return "there" if is_over else ""
 
 
-class Simulated(Protocol):
-    """What runs a simulation on a page: a LiveSimulation."""
-
-    @property
-    def simulation(self) -> Simulation:
-        """What runs now."""
-
-    @property
-    def views(self) -> LiveViews:
-        """What is drawn of it."""
-
-
 class SimulatedRobots:
     """The robots of a simulation, as those that are planned for."""
 
-    def __init__(self, live: Simulated) -> None:
+    def __init__(self, live: Drawn) -> None:
         """Create it."""
         self._live = live
         self._goal: GoalHandle | None = None

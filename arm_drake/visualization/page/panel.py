@@ -24,7 +24,7 @@ from arm_drake.description.joints import WORLD
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.description.srdf import GroupState
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import InputError, check_known, suggest
 from arm_drake.messages.sensors import ContactState
 from arm_drake.plant.joint_ranges import JointRange
 from arm_drake.visualization.link_drawings import KINDS, LinkDrawings, show_visual
@@ -538,6 +538,5 @@ def _numbers(values: Iterable[float]) -> list[str]:
 
 
 def _find(frame: str, known: Sequence[str]) -> str:
-    if frame not in known:
-        raise InputError(f"pose: no frame {frame!r}; {suggest(frame, known)}")
+    check_known("frame", frame, known, argument="pose")
     return frame

@@ -125,7 +125,7 @@ class Part(ABC):
 
 
 # What makes each part of a LiveSimulation, and of a RobotViewer, or None where there is
-# nothing for it, as `<module>:<function>`, in the order of the panel. They are strings,
+# nothing for it, as `<module>:<name>`, in the order of the panel. They are strings,
 # as those modules import this one.
 PARTS = [
     "arm_drake.visualization.page.camera:live_camera",
@@ -133,7 +133,7 @@ PARTS = [
     "arm_drake.visualization.page.hands:make_hands",
     "arm_drake.visualization.page.insertion:make_insertion",
     "arm_drake.visualization.page.teaching:teach_live",
-    "arm_drake.visualization.page.live_plots:make_plots",
+    "arm_drake.visualization.page.live_plots:LivePlots",
     "arm_drake.visualization.page.displays:make_displays",
     "arm_drake.visualization.page.camera_pictures:make_camera_pictures",
 ]

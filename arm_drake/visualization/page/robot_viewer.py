@@ -1,6 +1,5 @@
 """RobotViewer: a robot on a page, without physics, with sliders for its joints."""
 
-import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -11,11 +10,12 @@ from pydrake.geometry import Meshcat, QueryObject
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
+from arm_drake.arrays import is_finite
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.description.source_files import FileWatcher, file_of, watched_files
 from arm_drake.description.srdf import GroupState, find_group_states
-from arm_drake.errors import ArmDrakeError, InputError, suggest
+from arm_drake.errors import ArmDrakeError, check_known
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.initial_poses import place_free_links
 from arm_drake.plant.joint_ranges import (
@@ -286,8 +286,7 @@ class RobotViewer:
             InputError: If the robot has no such link.
         """
         names = (WORLD, *self.robot.description.links)
-        if link not in names:
-            raise InputError(f"fixed frame: no link {link!r}; {suggest(link, names)}")
+        check_known("link", link, names, argument="fixed frame")
         self._fixed_frame = link
         set_ground_visible(self.page.meshcat, is_visible=link == WORLD)
         self.page.patch({"fixed_frame": {"value": link}})
@@ -464,20 +463,10 @@ def handle_events(viewer: RobotViewer, events: Iterable[Event]) -> Iterator[str]
 def _move(viewer: RobotViewer, moved: Mapping[str, Any]) -> None:
     own = {r.name for r in viewer.ranges if r.follows is None}
     changed = {
-        name: value
-        for name, value in moved.items()
-        if name in own and _is_finite(value)
+        name: value for name, value in moved.items() if name in own and is_finite(value)
     }
     if changed:
         viewer.set_positions(changed)
-
-
-def _is_finite(value: Any) -> bool:
-    """Return whether it is a number that a joint can take."""
-    try:
-        return isinstance(value, int | float) and math.isfinite(value)
-    except OverflowError:  # An integer that no float is as large as.
-        return False
 
 
 def _do(viewer: RobotViewer, kind: str, name: str, value: Any) -> None:

@@ -1,12 +1,12 @@
 """Teaching a motion on a page: poses are kept as way points, and saved as a file."""
 
-import itertools
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from arm_drake.description.elements import free_name
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
 from arm_drake.output_files import writing
@@ -28,7 +28,7 @@ _DIGITS = 6
 
 def find_trajectory_controllers(robot: Robot) -> dict[str, tuple[str, ...]]:
     """Return the joints of each trajectory controller of a robot."""
-    own = {j.name for j in robot.description.movable_joints if j.mimic is None}
+    own = {joint.name for joint in robot.description.independent_joints}
     found = {}
     for controller in robot.controllers.controllers:
         parameter = controller.parameters.get("joints")
@@ -40,10 +40,9 @@ def find_trajectory_controllers(robot: Robot) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def find_free_name(stem: str, suffix: str = ".yaml") -> Path:
-    """Return the first of stem, stem_2, ... in the working folder that isn't there."""
-    names = itertools.chain([stem], (f"{stem}_{k}" for k in itertools.count(2)))
-    return next(p for name in names if not (p := Path(f"{name}{suffix}")).exists())
+def find_free_name(stem: str) -> Path:
+    """Return the YAML file of stem, stem_2, ... that isn't in the working folder."""
+    return Path(f"{free_name(stem, lambda name: Path(f'{name}.yaml').exists())}.yaml")
 
 
 class WayPoints:
