@@ -5,6 +5,7 @@ import difflib
 import functools
 import importlib
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping
 from pathlib import Path
@@ -378,6 +379,12 @@ def parameters_of(equivalent: Equivalent) -> type | None:
     )
 
 
+def _own_words(name: str) -> str:
+    """Return what tells a type from others: not that it is a controller."""
+    name = re.sub(r"_?controll?ers?", "", name.lower())
+    return re.sub(r"_?broadcasters?", "*", name)
+
+
 def describe_unknown(
     name: str, known: Iterable[str]
 ) -> tuple[Literal["info", "error"], str, str]:
@@ -396,7 +403,9 @@ def describe_unknown(
         closest = f"; the closest type is {other.closest}" if other.closest else ""
         return "error", f"{what} is not simulated: {other.does}{closest}", done
     types = list(known)
-    close = difflib.get_close_matches(name, types, n=1, cutoff=0.8)
+    own = {_own_words(type_): type_ for type_ in types}
+    alike = difflib.get_close_matches(_own_words(name), own, n=1, cutoff=0.7)
+    close = [own[words] for words in alike]
     close += [type_ for type_ in types if type_.rpartition("/")[2] == name]
     hint = f"; did you mean {close[0]!r}?" if close else ""
     return "error", f"unknown {what}{hint}", done
