@@ -347,6 +347,19 @@ def test_another_file_is_no_description(tmp_path):
     )
 
 
+@pytest.mark.parametrize(
+    "name",
+    ["arm.launch.py", "arm_launch.py", "arm.launch.xml", "arm.launch.yaml", "a.launch"],
+)
+def test_a_launch_file_is_no_robot(tmp_path, name):
+    path = write(tmp_path / name, "<launch/>")
+
+    assert problem(path) == (
+        f"{path}: expected a robot, got a launch file, which `arm-drake launch` and "
+        "load_launch take"
+    )
+
+
 def test_a_file_of_macros_is_no_robot(tmp_path):
     path = write(
         tmp_path / "arm.xacro",
@@ -714,6 +727,24 @@ def test_files_of_other_packages_are_named_as_candidates(package):
     (line,) = [line for line in lines(ad.load_robot(package)) if "candidates" in line]
 
     assert f"candidates: {file}; no controller runs; --controllers FILE " in line
+
+
+@pytest.mark.parametrize(
+    "space", ["<namespace>/", "/${robot}/", "$(var ns)/", "one/${robot}/", "/**/"]
+)
+def test_a_file_whose_name_space_a_launch_file_fills_in_is_a_candidate(package, space):
+    hardware = '<ros2_control name="h" type="system"><joint name="j"/></ros2_control>'
+    arm_with(package, hardware)
+    bringup = package.parent / "bringup"
+    write(bringup / "package.xml", "<package><name>bringup</name></package>")
+    file = controllers_with(bringup)
+    text = file.read_text()
+    assert text.count("controller_manager:") == 1
+    write(file, text.replace("controller_manager:", f"{space}controller_manager:"))
+
+    (line,) = [line for line in lines(ad.load_robot(package)) if "candidates" in line]
+
+    assert f"candidates: {file}; no controller runs" in line
 
 
 def test_files_of_the_same_maker_come_before_those_that_name_the_joints(package):

@@ -4,6 +4,7 @@ import dataclasses as dc
 import functools
 import importlib
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping
 from pathlib import Path
@@ -14,7 +15,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
-from arm_drake.errors import InputError, did_you_mean
+from arm_drake.errors import InputError, find_close
 from arm_drake.importing import without_collection
 
 if TYPE_CHECKING:
@@ -377,6 +378,12 @@ def parameters_of(equivalent: Equivalent) -> type | None:
     )
 
 
+def _own_words(name: str) -> str:
+    """Return what tells a type from others: not that it is a controller."""
+    name = re.sub(r"_?controll?ers?", "", name.lower())
+    return re.sub(r"_?broadcasters?", "*", name)
+
+
 def describe_unknown(
     name: str, known: Iterable[str]
 ) -> tuple[Literal["info", "error"], str, str]:
@@ -392,10 +399,12 @@ def describe_unknown(
         return "info", f"{what} {hardware_only[name]}", done
     other = others.get(name) or others.get(f"{name.partition('/')[0]}/")
     if other is not None:
-        closest = f"; the closest type is {other.closest}" if other.closest else ""
-        return "error", f"{what} is not simulated: {other.does}{closest}", done
-    same = [type_ for type_ in known if type_.rpartition("/")[2] == name]
-    hint = did_you_mean(name, known, 0.8)
-    if same and not hint:
-        hint = f"; did you mean {same[0]!r}?"
+        instead = f"; the closest type is {other.closest}" if other.closest else ""
+        return "error", f"{what} is not simulated: {other.does}{instead}", done
+    types = list(known)
+    own = {_own_words(type_): type_ for type_ in types}
+    closest = find_close(_own_words(name), own, 0.7)
+    same = [type_ for type_ in types if type_.rpartition("/")[2] == name]
+    close = [own[closest]] if closest is not None else same
+    hint = f"; did you mean {close[0]!r}?" if close else ""
     return "error", f"unknown {what}{hint}", done

@@ -24,8 +24,12 @@ from arm_drake.description.ros_parameters import PARAMETERS
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import PackageError, counted
 
-# What a file of a controller manager's parameters has.
-_MANAGER = re.compile(rf"^[ \t]*['\"]?/?([\w*]+/)*{MANAGER}['\"]?[ \t]*:", re.MULTILINE)
+# What a file of a controller manager's parameters has; its name space may be one
+# that a launch file fills in.
+_SPACE = r"([\w*]+|<\w+>|\$\{\w+\}|\$\(var \w+\))/"
+_MANAGER = re.compile(
+    rf"^[ \t]*['\"]?/?({_SPACE})*{MANAGER}['\"]?[ \t]*:", re.MULTILINE
+)
 _FOR_ALL = re.compile(r"^['\"]?/\*\*['\"]?[ \t]*:", re.MULTILINE)
 _TYPE = re.compile(r"\btype[ \t]*:[ \t]*['\"]?\w+/\w+")
 

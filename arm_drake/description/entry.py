@@ -105,6 +105,8 @@ def _examples_folder() -> Path | None:
 
 _SUFFIXES = (".urdf", ".xacro", ".xml")
 
+_LAUNCH_FILE = re.compile(r"[._]launch\.(py|xml|ya?ml)$|\.launch$")
+
 # How packages of a robot's description are called, after the robot.
 _FOLDER_SUFFIXES = ("_description", "_descriptions", "_support")
 
@@ -160,6 +162,12 @@ def find_entry(source: Source) -> tuple[Path, str | None]:
     if os.path.isdir(path):
         return _entry_in_folder(path), None
     if os.path.isfile(path):
+        if _LAUNCH_FILE.search(path.name):
+            raise DescriptionError(
+                "expected a robot, got a launch file, which `arm-drake launch` and "
+                "load_launch take",
+                file=path,
+            )
         if path.suffix.lower() not in _SUFFIXES:
             raise DescriptionError(
                 f"expected a {', '.join(_SUFFIXES)} file, or a package folder",

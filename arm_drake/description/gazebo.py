@@ -153,7 +153,15 @@ class GazeboPlugin:
             kind = re.sub(r"(?<=.)(?=[A-Z])", "_", match["kind"]).lower()
         else:
             kind = library if library.startswith("gazebo_ros_") else "other"
-        return kind if kind in KINDS else "other"
+        other = "ros2_control" if self.is_like_ros2_control else "other"
+        return kind if kind in KINDS else other
+
+    @property
+    def is_like_ros2_control(self) -> bool:
+        """Whether it has a controllers YAML as ros2_control's own, but another name."""
+        return _ROS2_CONTROL.fullmatch(self._library) is None and any(
+            name.endswith((".yaml", ".yml")) for name in self.texts("parameters")
+        )
 
 
 def read_gazebo_plugins(root: ET.Element) -> tuple[GazeboPlugin, ...]:
@@ -202,6 +210,12 @@ def report_gazebo(
         )
         done = "controllers and the plugins that are simulated move it alone"
         report.add("warning", "unsupported", what, done, file=file)
+    alike = [each for each in found if each.is_like_ros2_control]
+    if alike:
+        names = ", ".join(repr(each.filename or each.name) for each in alike)
+        what = f"Gazebo plugins {names}, with a controllers YAML in <parameters>"
+        done = "taken as ros2_control's own"
+        report.add("info", "repair", what, done, file=file)
     plugins = collections.Counter(
         repr(plugin.filename or plugin.name)
         for plugin in found

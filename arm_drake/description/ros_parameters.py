@@ -160,7 +160,8 @@ class Substitutions:
         for template, line in task.templates.items():
             what = f"the template {template!r} has no value"
             variable = _TEMPLATE.sub(_name, template)
-            done = f"it stays as it is; variables={{{variable!r}: ...}} fills it"
+            done = f"it stays as it is; --var {variable}=VALUE, in Python "
+            done += f"variables={{{variable!r}: ...}}, fills it"
             self._report.add("warning", "missing", what, done, file=file, line=line)
         for text, (name, line) in task.missing.items():
             what = f"package {name!r} not found"

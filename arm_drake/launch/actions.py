@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from arm_drake.launch.event_handlers import Event, EventHandler
-from arm_drake.launch.nodes import PACKAGES, find_role
+from arm_drake.launch.nodes import PACKAGES, ends
 from arm_drake.launch.parameters import Parameter, read_parameters, read_value
 from arm_drake.launch.substitutions import (
     LaunchContext,
@@ -24,11 +24,6 @@ from arm_drake.launch.substitutions import (
     perform,
 )
 from arm_drake.launch.words import split_words
-
-# Programs that end by themselves, after which others may start, and those that don't;
-# nodes that have a meaning here say it themselves.
-_ENDING = {"hardware_spawner", "remove"}
-_LASTING_PROGRAMS = {"gazebo", "gzserver", "gzclient", "gz", "ign", "rviz2", "rqt"}
 
 # How long what ends by itself takes [s]: only its place among timers matters.
 _TAKES = 0.5
@@ -615,6 +610,9 @@ class LaunchRun:
         self._number = itertools.count()
         self._depth = 0
 
+        # Actions that can't start their program once more.
+        self._started: set[ExecuteLocal] = set()
+
         # Whether what comes to pass is another launch's (`ros2 launch`).
         self._is_isolated = False
 
@@ -744,11 +742,15 @@ class LaunchRun:
 
     def start(self, action: ExecuteLocal, kind: str, **values: Any) -> None:
         """Note a program, and what follows its start and its end."""
+        if action in self._started:
+            self.note("repeated", **_name_of(action))
+            return
+        self._started.add(action)
         self.note(kind, **values)
-        ends = _ends(**values)
+        it_ends = ends(**values)
         self.begin(action)
-        if ends is not False:
-            self.later(_TAKES, lambda: self._end(action, is_known=bool(ends)))
+        if it_ends is not False:
+            self.later(_TAKES, lambda: self._end(action, is_known=bool(it_ends)))
 
     def begin(self, action: ExecuteLocal) -> None:
         """Let come to pass what follows the start of a program."""
@@ -776,22 +778,6 @@ class LaunchRun:
             if callable(entities) and not isinstance(entities, Action):
                 entities = entities(Event(action=action, returncode=0), self.context)
             self.visit(entities)
-
-
-def _ends(
-    package: str = "",
-    executable: str = "",
-    command: Sequence[str] = (),
-    **others: Any,
-) -> bool | None:
-    """Return whether a program ends by itself; None if nobody here knows."""
-    if executable in _ENDING or command[:1] == ["ros2"]:
-        return True
-    role = find_role(package, executable)
-    if role is not None:
-        return role.ends
-    program = os.path.basename(command[0]) if command else ""
-    return False if program in _LASTING_PROGRAMS else None
 
 
 def _name_of(action: Any) -> dict[str, Any]:

@@ -595,6 +595,7 @@ def main() -> None:
         values=context.launch_configurations,
         records=run.records,
         descriptions=context.descriptions,
+        rewritten=context.rewritten,
         environment=dict(os.environ),
         opened=watch.opened[:10_000],
         refused=watch.refused,

@@ -1,6 +1,13 @@
 """The nodes of launch files that have a meaning here, and what each becomes."""
 
-from typing import NamedTuple
+import os
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+# Programs that end by themselves, after which others may start, and those that don't;
+# nodes that have a meaning here say it themselves.
+_ENDING = {"hardware_spawner", "remove"}
+_LASTING_PROGRAMS = {"gazebo", "gzserver", "gzclient", "gz", "ign", "rviz2", "rqt"}
 
 
 class NodeRole(NamedTuple):
@@ -131,3 +138,19 @@ def find_role(package: str, executable: str) -> NodeRole | None:
         if package in role.packages and is_meant:
             return role
     return None
+
+
+def ends(
+    package: str = "",
+    executable: str = "",
+    command: Sequence[str] = (),
+    **others: Any,
+) -> bool | None:
+    """Return whether a program ends by itself; None if nobody here knows."""
+    if executable in _ENDING or command[:1] == ["ros2"]:
+        return True
+    role = find_role(package, executable)
+    if role is not None:
+        return role.ends
+    program = os.path.basename(command[0]) if command else ""
+    return False if program in _LASTING_PROGRAMS else None

@@ -31,10 +31,15 @@ def read_parameter_file(path: str) -> Any:
         raise SubstitutionFailure(f"{path} can't be read: {reason}") from None
 
 
-def save_parameters(text: str) -> str:
-    """Return the name of a new file with a text of parameters."""
+def save_parameters(
+    context: LaunchContext, text: str, source: str, *, has_its_lines: bool
+) -> str:
+    """Return the name of a new file with the rewritten text of another one."""
     with tempfile.NamedTemporaryFile("w", suffix=".yaml", delete=False) as file:
         file.write(text)
+    # One that was rewritten before is so again.
+    first, had_its_lines = context.rewritten.get(source, (source, True))
+    context.rewritten[file.name] = (first, has_its_lines and had_its_lines)
     return file.name
 
 
@@ -83,9 +88,11 @@ class RewrittenYaml(Substitution):
                 found[keys.get(key, key)] = rewrite(value, full)
             return found
 
-        data = rewrite(read_parameter_file(perform(context, self.args[0])), "")
+        path = perform(context, self.args[0])
+        data = rewrite(read_parameter_file(path), "")
         root = "" if self.root_key is None else perform(context, self.root_key)
-        return save_parameters(yaml.safe_dump({root: data} if root else data))
+        text = yaml.safe_dump({root: data} if root else data)
+        return save_parameters(context, text, path, has_its_lines=False)
 
 
 class ReplaceString(Substitution):
@@ -104,7 +111,7 @@ class ReplaceString(Substitution):
         text = Path(path).read_text(encoding="utf-8")
         for old, new in self.replacements.items():
             text = text.replace(old, perform(context, new))
-        return save_parameters(text)
+        return save_parameters(context, text, path, has_its_lines=True)
 
 
 class ParameterValue:
@@ -137,7 +144,8 @@ class ParameterFile:
         if not allowed:
             return path
         text = Path(path).read_text(encoding="utf-8")
-        return save_parameters(perform(context, parse_substitution(text)))
+        text = perform(context, parse_substitution(text))
+        return save_parameters(context, text, path, has_its_lines=True)
 
 
 class Parameter(ParameterValue):

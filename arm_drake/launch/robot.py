@@ -20,11 +20,13 @@ from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport, ReportEntry
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.xacro import expand_xacro
-from arm_drake.errors import PackageError, find_close, suggest
+from arm_drake.errors import InputError, PackageError, find_close, suggest
 from arm_drake.launch.frames import Placed
 from arm_drake.loading import load_robot
 from arm_drake.manager.loading import load_controllers_of
 from arm_drake.options import SimulationOptions
+
+_NO_MANAGER = "there is no ros2_control_node, and nothing puts it into a simulator"
 
 _GROUND = "model://ground_plane"
 
@@ -40,6 +42,9 @@ class PlanFolder:
     def __init__(self) -> None:
         """Create it."""
         self.path = Path(tempfile.mkdtemp(prefix="arm_drake_launch_"))
+
+        # Files in it that are others rewritten: which, and whether lines are theirs.
+        self.rewritten: dict[str, tuple[str, bool]] = {}
         self.remove = weakref.finalize(
             self, shutil.rmtree, self.path, ignore_errors=True
         )
@@ -146,17 +151,28 @@ class LaunchedRobot:
         files = [*map(Path, own), *bridges]
         said: dict[str, Any] = {"name": name, "srdf": self.srdf}
         said["namespace"] = self.namespace or None
-        robot = load_robot(
-            self.source,
-            xacro_args=self.xacro_args,
-            controllers=files or None,
-            package_paths=package_paths,
-            variables=self._variables_in(files) | options.pop("variables", {}),
-            pose=placed.pose if self.pose is None else self.pose,
-            initial_positions=initial_positions,
-            frames={**placed.frames, **options.pop("frames", {})},
-            **(said | options),
-        )
+        rewritten = self.folder.rewritten if self.folder else {}
+        try:
+            robot = load_robot(
+                self.source,
+                xacro_args=self.xacro_args,
+                controllers=files or None,
+                package_paths=package_paths,
+                variables=self._variables_in(files) | options.pop("variables", {}),
+                pose=placed.pose if self.pose is None else self.pose,
+                initial_positions=initial_positions,
+                frames={**placed.frames, **options.pop("frames", {})},
+                **(said | options),
+            )
+        except InputError as error:
+            if error.file is None or error.file not in rewritten:
+                raise
+            file, has_its_lines = rewritten[error.file]
+            line = error.line if has_its_lines else None
+            raise InputError(
+                error.problem, file=file, line=line, where=error.where
+            ) from None
+        robot = _name_sources(robot, rewritten)
         namespace = self.namespace.strip("/")
         aliases = [each.to_alias(namespace) for each in self.remappings]
         robot = dc.replace(robot, topic_aliases=(*robot.topic_aliases, *aliases))
@@ -263,10 +279,40 @@ class LaunchedRobot:
             + f": {source} {arguments}".rstrip()
             + place
         ]
-        lines += [f"  parameters: {path}" for path in self.controllers]
+        rewritten = self.folder.rewritten if self.folder else {}
+        for path in map(str, self.controllers):
+            lines.append(f"  parameters: {rewritten.get(path, (path,))[0]}")
         lines += [f"  controller {name}: {s}" for name, s in self.spawned.items()]
         lines += [f"  planning groups: {self.srdf}"] if self.srdf else []
         return lines
+
+
+def _name_sources(robot: Robot, rewritten: Mapping[str, tuple[str, bool]]) -> Robot:
+    """Name the files of which others are rewritten, where the user can look."""
+    if not rewritten:
+        return robot
+
+    def name_entry(entry: ReportEntry) -> ReportEntry:
+        if entry.file is None or entry.file not in rewritten:
+            return entry
+        file, has_its_lines = rewritten[entry.file]
+        return dc.replace(entry, file=file, line=entry.line if has_its_lines else None)
+
+    def name(place: Any) -> Any:
+        file, has_its_lines = rewritten.get(str(place.file), ("", False))
+        return dc.replace(place, file=Path(file)) if has_its_lines else place
+
+    controllers = tuple(
+        dc.replace(
+            name(each), parameters={k: name(p) for k, p in each.parameters.items()}
+        )
+        for each in robot.controllers.controllers
+    )
+    return dc.replace(
+        robot,
+        report=LoadReport(map(name_entry, robot.report)),
+        controllers=dc.replace(robot.controllers, controllers=controllers),
+    )
 
 
 def _without_idle(robot: Robot, spawned: Collection[str]) -> Robot:
@@ -441,9 +487,16 @@ class RobotParts:
     # Controllers of robots that aren't there, and why.
     left_out: list[tuple[str, str]] = dc.field(default_factory=list)
 
-    def find_robots(self) -> list[LaunchedRobot]:
-        """Return the robots of all descriptions, with what belongs to each."""
-        descriptions = list(self.descriptions)
+    def find_robots(self, *, has_world: bool) -> list[LaunchedRobot]:
+        """Return the robots of all descriptions, with what belongs to each.
+
+        Where nothing has a world, spawners need a controller manager.
+        """
+        descriptions: list[Description] = []
+        for published in self.descriptions:
+            # Publishers of one description say the same of one robot.
+            if published not in descriptions:
+                descriptions.append(published)
         for each in self.spawns:
             if each.description and not _is_among(each.description, descriptions):
                 descriptions.append(each.description)
@@ -486,7 +539,7 @@ class RobotParts:
                 )
                 for spawn in spawns
             ] or [robot]
-        return self._add_spawned(robots)
+        return self._add_spawned(robots, has_world=has_world)
 
     def _semantics_of(self, description: Description, count: int) -> Path | None:
         for namespace, path in self.semantics:
@@ -520,15 +573,18 @@ class RobotParts:
             return same and (is_same or manager.namespace not in spaces)
         return manager.topic == description.topic
 
-    def _add_spawned(self, robots: list[LaunchedRobot]) -> list[LaunchedRobot]:
+    def _add_spawned(
+        self, robots: list[LaunchedRobot], *, has_world: bool
+    ) -> list[LaunchedRobot]:
         """Return robots with what their spawners start."""
         for spawner in self.spawners:
-            index = self._index_of(spawner, robots)
+            index = self._index_of(spawner, robots, has_world=has_world)
             if index is None:
                 reason = "its robot isn't started"
                 if robots:
-                    known = ", ".join(f"/{each.name}" for each in self.managers)
-                    reason = f"/{spawner.manager} isn't started; there is {known}"
+                    known = [f"/{each.name}" for each in self.managers]
+                    reason = f"/{spawner.manager.strip('/')} isn't started; "
+                    reason += f"there is {', '.join(known)}" if known else _NO_MANAGER
                 self.left_out += [(name, reason) for name in spawner.names]
                 continue
             robot = robots[index]
@@ -545,11 +601,11 @@ class RobotParts:
         return robots
 
     def _index_of(
-        self, spawner: Spawner, robots: Sequence[LaunchedRobot]
+        self, spawner: Spawner, robots: Sequence[LaunchedRobot], *, has_world: bool
     ) -> int | None:
         """Return which robot a spawner's controller manager is that of."""
         is_simulated = any(robot.simulator is not None for robot in robots)
-        if self.managers and not is_simulated:
+        if not is_simulated and (self.managers or not has_world):
             # All managers are known, so that a spawner would wait for any other.
             names = [manager.name for manager in self.managers]
             if spawner.manager.strip("/") not in names:

@@ -128,6 +128,10 @@ class Roles:
         """Take the answer of the process, what finds packages, where files go."""
         self._answer, self._finder, self._report = answer, finder, report
         self._folder = folder
+        folder.rewritten.update(
+            (path, (str(finder.real(Path(source))), has_its_lines))
+            for path, (source, has_its_lines) in answer["rewritten"].items()
+        )
         self._parts = RobotParts()
         self._world: str | Path | None = None
         self._is_paused, self._is_headless = False, True
@@ -146,7 +150,7 @@ class Roles:
         """Return the fields of a plan."""
         for record in self._answer["records"]:
             getattr(self, f"_read_{record['kind']}")(record)
-        robots = self._parts.find_robots()
+        robots = self._parts.find_robots(has_world=self._world is not None)
         shared = {"folder": self._folder, "variables": self._answer["values"]}
         for name, reason in self._parts.left_out:
             self._not_started.append(NotStarted(name, "controller", reason))
@@ -186,6 +190,11 @@ class Roles:
     def _read_unknown(self, record: Mapping[str, Any]) -> None:
         what = f"action {record['name']}"
         self._add("warning", "unsupported", what, "it does nothing here", record)
+
+    def _read_repeated(self, record: Mapping[str, Any]) -> None:
+        what = f"{record['name']} is started once more by the same action"
+        done = "ros2 launch ends there, 'executed more than once'; it is started once"
+        self._add("error", "invalid", what, done, record)
 
     def _read_assumed_end(self, record: Mapping[str, Any]) -> None:
         what = f"something waits for the end of {record['name']}, which is not run"
@@ -427,7 +436,7 @@ class Roles:
                 continue
             ignored = (_TOPIC, "use_sim_time")
             own = {k: v for k, v in each.items() if k not in ignored}
-            files += [self._write_parameters(_MANAGER, own)] if own else []
+            files += [self._write_parameters(_MANAGER, own, record)] if own else []
         topic, remappings = _TOPIC, []
         for source, target in record.get("remappings", ()):
             if source.strip("~/") == _TOPIC:
@@ -459,13 +468,18 @@ class Roles:
         renamed = {_MANAGER if k in names else k: v for k, v in data.items()}
         target = self._folder.path / f"{len(self._parts.managers)}_{path.name}"
         target.write_text(yaml.safe_dump(renamed, sort_keys=False), encoding="utf-8")
+        source, _ = self._folder.rewritten.get(str(path), (str(path), False))
+        self._folder.rewritten[str(target)] = (source, False)
         return target
 
-    def _write_parameters(self, node: str, values: Mapping[str, Any]) -> Path:
+    def _write_parameters(
+        self, node: str, values: Mapping[str, Any], record: Mapping[str, Any]
+    ) -> Path:
         number = len(list(self._folder.path.glob("parameters_*.yaml")))
         path = self._folder.path / f"parameters_{number}.yaml"
         text = yaml.safe_dump({node: {"ros__parameters": _nest(values)}})
         path.write_text(text, encoding="utf-8")
+        self._folder.rewritten[str(path)] = (str(record["file"]), False)
         return path
 
     def _read_spawner(self, record: Mapping[str, Any]) -> None:
@@ -491,7 +505,7 @@ class Roles:
         if kind is not None:
             types = {f"{name}.type": kind for name in names}
             node = manager.rpartition("/")[2]
-            files = (*files, self._write_parameters(node, types))
+            files = (*files, self._write_parameters(node, types, record))
         is_idle = any(
             word in words for word in ("--inactive", "--stopped", "--load-only")
         )
@@ -519,7 +533,9 @@ class Roles:
                 if isinstance(parameters, str):
                     files.append(self._finder.real(Path(parameters)))
                 else:
-                    files += [self._write_parameters(n, parameters) for n in names]
+                    files += [
+                        self._write_parameters(n, parameters, record) for n in names
+                    ]
         return files
 
     def _read_classic_spawn(self, record: Mapping[str, Any]) -> None:

@@ -65,6 +65,10 @@ class LaunchContext:
         self.parameters: list[Any] = []
         self.remappings: list[tuple[str, str]] = []
 
+        # Files of parameters that were rewritten: of which one, and whether their lines
+        # are its own.
+        self.rewritten: dict[str, tuple[str, bool]] = {}
+
     @property
     def environment(self) -> Any:
         """The environment of what is started."""

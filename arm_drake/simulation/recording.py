@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, Diagram
 from pydrake.systems.primitives import VectorLogSink
 
@@ -74,7 +75,10 @@ def read_rollout(
     # Drake's times are sums of rounded numbers; ROS counts nanoseconds.
     time = np.round(period * ticks[first:], 9)
     position, velocity, effort = np.split(rows[first:], 3, axis=1)
-    limits = [joint.limits.effort for joint in joints]
+    # Without physics nothing holds back what is commanded, and stands as its effort.
+    plant = diagram.GetSubsystemByName("plant")
+    has_physics = isinstance(plant, MultibodyPlant)
+    limits = [joint.limits.effort if has_physics else None for joint in joints]
     commanded = _read_commands(diagram, context, manager, time, since)
     return Rollout(
         time=time,

@@ -189,6 +189,14 @@ def test_a_type_without_equivalent_is_an_error_that_helps(
         ("my_package/MyController", ""),
         ("JointStateBroadcaster", f"; did you mean '{JSB}'?"),
         (JTC.replace("Trajectory", "Trajektory"), f"; did you mean '{JTC}'?"),
+        (JTC.replace("Controller", "Controler"), f"; did you mean '{JTC}'?"),
+        # That both are controllers makes them no likely mistake.
+        (
+            "gpio_controller/GPIOController",
+            "; did you mean 'gpio_controllers/GpioCommandController'?",
+        ),
+        ("joint_controller/JointController", ""),
+        ("odd_controller/OddController", ""),
     ],
 )
 def test_an_unknown_type_is_an_error(tmp_path: Path, type_: str, hint: str) -> None:

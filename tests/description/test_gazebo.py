@@ -8,8 +8,10 @@ import pytest
 from arm_drake.description.gazebo import (
     GazeboPlugin,
     read_gazebo_plugins,
+    read_joint_plugins,
     report_gazebo,
 )
+from arm_drake.description.gazebo_plugins import Ros2ControlPlugin
 from arm_drake.description.report import LoadReport
 
 
@@ -154,6 +156,27 @@ def test_plugins_that_are_simulated_need_no_line():
     assert lines_of(f"<gazebo>{simulated}</gazebo>") == []
     assert lines_of(f"<gazebo>{simulated}{other}</gazebo>") == [
         "info: arm.urdf: Gazebo plugins 'gz-sim-buoyancy-system'; they have no effect"
+    ]
+
+
+def test_a_plugin_with_a_controllers_yaml_is_one_of_ros2_control():
+    text = (
+        "<plugin filename='quadruped_hardware-system' name='own'>"
+        "<parameters> a.yaml </parameters><hold_joints>false</hold_joints>"
+        "<ros><namespace>dog</namespace></ros></plugin>"
+        "<plugin filename='libcam.so'><parameters>a.txt</parameters></plugin>"
+    )
+    root = ET.XML(f"<robot><gazebo>{text}</gazebo></robot>")
+    own, camera = read_gazebo_plugins(root)
+
+    assert (own.kind, camera.kind) == ("ros2_control", "other")
+    (typed,) = read_joint_plugins([own, camera], [], LoadReport(), Path("arm.urdf"))
+    assert isinstance(typed, Ros2ControlPlugin)
+    assert (typed.namespace, typed.hold_joints) == ("dog", False)
+    assert lines_of(f"<gazebo>{text}</gazebo>") == [
+        "info: arm.urdf: Gazebo plugins 'quadruped_hardware-system', with a "
+        "controllers YAML in <parameters>; taken as ros2_control's own",
+        "info: arm.urdf: Gazebo plugins 'libcam.so'; they have no effect",
     ]
 
 

@@ -239,9 +239,9 @@ def test_templates_without_a_value_stay_and_are_reported(values):
     }
     assert lines == [
         "warning: a.yaml:3: the template '${p}' has no value; it stays as it is; "
-        "variables={'p': ...} fills it",
+        "--var p=VALUE, in Python variables={'p': ...}, fills it",
         "warning: a.yaml:4: the template '<q>' has no value; it stays as it is; "
-        "variables={'q': ...} fills it",
+        "--var q=VALUE, in Python variables={'q': ...}, fills it",
     ]
 
 

@@ -208,13 +208,13 @@ def test_a_file_that_never_ends_is_ended(
 @pytest.mark.slow
 def test_actions_that_start_each_other_for_ever_are_ended(package: Path) -> None:
     before = """
-    again = ExecuteProcess(cmd=["ros2", "control", "list"])
+    def another(event=None, context=None):
+        return ExecuteProcess(cmd=["ros2", "control", "list"])
     """
     path = describe(
         package,
         """
-        again,
-        RegisterEventHandler(OnProcessExit(target_action=again, on_exit=[again])),
+        another(), RegisterEventHandler(OnProcessExit(on_exit=another)),
         """,
         before,
     )

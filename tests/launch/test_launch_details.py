@@ -275,6 +275,148 @@ def test_a_spawner_without_its_manager_starts_nothing(package: Path) -> None:
     ]
 
 
+def test_spawners_without_manager_and_simulator_start_nothing(
+    package: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = describe(package, "publisher(), spawner('forward'),")
+
+    plan = ad.load_launch(path)
+
+    (robot,) = plan.robots
+    assert not robot.spawned
+    assert list(map(str, plan.not_started)) == [
+        "not started: controller forward; /controller_manager isn't started; there is "
+        "no ros2_control_node, and nothing puts it into a simulator"
+    ]
+    assert main(["launch", str(path), "--headless"]) == 2
+    assert "controller forward; /controller_manager" in capsys.readouterr().err
+
+
+def test_a_world_that_a_robot_is_put_into_by_other_means_has_its_controllers(
+    package: Path,
+) -> None:
+    path = describe(
+        package,
+        """
+        publisher(), ExecuteProcess(cmd=["gz", "sim", "-r", "empty.sdf"]),
+        spawner("forward"),
+        """,
+    )
+
+    plan = ad.load_launch(path)
+
+    assert list(plan.robots[0].spawned) == ["forward"]
+    assert not plan.not_started
+
+
+def test_a_description_that_two_nodes_publish_is_one_robot(package: Path) -> None:
+    entities = "publisher(), publisher(), manager(), spawner('forward'),"
+
+    plan = ad.load_launch(describe(package, entities))
+
+    assert len(plan.robots) == 1
+    assert not list(plan.report)
+
+
+@pytest.mark.parametrize(
+    ("entities", "name"),
+    [
+        ("again, again, manager(), spawner('forward'),", "robot_state_publisher"),
+        ("publisher(), manager(), waited,", "controller_manager/spawner"),
+    ],
+)
+def test_an_action_that_starts_its_program_once_more_is_an_error(
+    package: Path, entities: str, name: str
+) -> None:
+    before = """
+    again = publisher()
+    first, second = spawner("forward"), spawner("joint_state_broadcaster")
+    waited = GroupAction([
+        first, RegisterEventHandler(OnProcessExit(target_action=first, on_exit=second)),
+        second])
+    """
+
+    plan = ad.load_launch(describe(package, entities, before))
+
+    assert len(plan.robots) == 1
+    assert next(iter(plan.robots[0].spawned)) == "forward"
+    (entry,) = plan.report.errors
+    assert f"{name} is started once more" in str(entry)
+    assert "'executed more than once'" in str(entry)
+    assert str(entry.file).endswith(".launch.py")
+
+
+@pytest.mark.parametrize(
+    ("parameters", "line"),
+    [
+        ('ReplaceString(SOURCE, {"<joint>": "swung"})', 4),
+        ("ParameterFile(SOURCE, allow_substs=True)", 4),
+        ('ReplaceString(ReplaceString(SOURCE, {}), {"<joint>": "swung"})', 4),
+        ('RewrittenYaml(SOURCE, {"joints": "[swung]"}, convert_types=True)', None),
+    ],
+)
+def test_messages_name_the_file_of_which_parameters_are_rewritten(
+    package: Path, parameters: str, line: int | None
+) -> None:
+    source = package / "config" / "templates.yaml"
+    source.write_text(
+        "# Of a template.\n"
+        "controller_manager:\n"
+        "  ros__parameters:\n"
+        "    forward: {type: forward_command_controller/ForwardCommandController}\n"
+        "forward:\n"
+        "  ros__parameters: {joints: [$(var joint)], interface_name: position}\n"
+    )
+    text = source.read_text()
+    if "ReplaceString" in parameters:
+        source.write_text(text.replace("$(var joint)", "<joint>"))
+    before = f"""
+    from nav2_common.launch import ReplaceString, RewrittenYaml
+    SOURCE = {str(source)!r}
+    """
+    path = describe(
+        package,
+        f"""
+        SetLaunchConfiguration("joint", "swung"), publisher(),
+        Node(package="controller_manager", executable="ros2_control_node",
+             parameters=[{parameters}]),
+        spawner("forward"),
+        """,
+        before,
+    )
+    plan = ad.load_launch(path)
+
+    robot = plan.load_scene().robots[0]
+
+    (entry,) = [e for e in robot.report.errors if "swung" in str(e)]
+    assert (entry.file, entry.line) == (str(source), line)
+    assert f"parameters: {source}" in str(plan)
+
+
+def test_a_file_that_is_broken_once_it_is_rewritten_is_named(package: Path) -> None:
+    source = package / "config" / "templates.yaml"
+    source.write_text("# Of a template.\nforward: <joint>\n")
+    before = f"""
+    from nav2_common.launch import ReplaceString
+    SOURCE = {str(source)!r}
+    """
+    path = describe(
+        package,
+        """
+        publisher(),
+        Node(package="controller_manager", executable="ros2_control_node",
+             parameters=[ReplaceString(SOURCE, {"<joint>": "{joint: ["})]),
+        """,
+        before,
+    )
+    plan = ad.load_launch(path)
+
+    with pytest.raises(InputError) as caught:
+        plan.load_scene()
+
+    assert str(caught.value).startswith(f"{source}:")
+
+
 @pytest.mark.slow
 def test_what_is_sent_to_one_of_several_robots_is_its_motion(package: Path) -> None:
     before = """

@@ -13,6 +13,8 @@ from arm_drake.errors import InputError
 from tests.carts import cart, diff_drive
 from tests.carts import load as load_cart
 from tests.models import load, pendulum, ros2_control
+from tests.physics.support import EFFORT, effort_controller, one_joint
+from tests.physics.support import simulate as one_joint_of
 from tests.simulation.test_recording import BOTH, command, simulate
 
 
@@ -33,6 +35,24 @@ def test_commands_are_what_held_until_the_tick(tmp_path: Path) -> None:
     effort = rollout.command_names.index("shoulder/effort")
     # Nobody claims the efforts.
     assert np.all(np.nan_to_num(rollout.command[:, effort]) == 0.0)
+
+
+@pytest.mark.parametrize(
+    ("preset", "is_limited"), [("accurate", True), ("kinematic", False)]
+)
+def test_without_physics_no_effort_is_at_a_limit(
+    tmp_path: Path, preset: str, is_limited: bool
+) -> None:
+    urdf = one_joint("prismatic", axis="1 0 0").replace('effort="1000"', 'effort="2"')
+    assert 'effort="2"' in urdf
+    sim = one_joint_of(tmp_path, urdf, effort_controller(), step=0.01, preset=preset)
+    sim.controller(EFFORT).command([5.0])
+
+    sim.advance_to(0.2)
+
+    rollout = sim.rollout()
+    assert bool(rollout.effort_saturation()) == is_limited
+    assert np.isfinite(rollout.effort_limit).all() == is_limited
 
 
 def test_who_was_active_is_recorded(tmp_path: Path) -> None:
