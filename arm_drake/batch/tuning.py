@@ -92,6 +92,10 @@ class Response(NamedTuple):
     # When the last joint has come to stay within 5 % of its step [s].
     settling_time: float
 
+    def is_better(self, other: "Response") -> bool:
+        """Return whether all three are."""
+        return all(mine < theirs for mine, theirs in zip(self, other, strict=True))
+
     def __str__(self) -> str:
         """Return it in words."""
         return (
