@@ -393,6 +393,33 @@ def test_messages_name_the_file_of_which_parameters_are_rewritten(
     assert f"parameters: {source}" in str(plan)
 
 
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        "ReplaceString('{}', {{'a': 'b'}})",
+        "RewrittenYaml('{}', {{}})",
+        "ParameterFile('{}', allow_substs=True)",
+    ],
+)
+def test_a_file_to_rewrite_that_can_not_be_read_is_named(
+    package: Path, parameters: str
+) -> None:
+    source = package / "config" / "nothing.yaml"
+    before = "from nav2_common.launch import ReplaceString, RewrittenYaml\n"
+    entities = (
+        "publisher(), Node(package='controller_manager', "
+        f"executable='ros2_control_node', parameters=[{parameters.format(source)}]),"
+    )
+    path = describe(package, entities, before)
+
+    with pytest.raises(InputError) as caught:
+        ad.load_launch(path)
+
+    assert str(caught.value) == (
+        f"{path}: {source} can't be read: No such file or directory"
+    )
+
+
 def test_a_file_that_is_broken_once_it_is_rewritten_is_named(package: Path) -> None:
     source = package / "config" / "templates.yaml"
     source.write_text("# Of a template.\nforward: <joint>\n")
