@@ -444,6 +444,45 @@ def test_a_file_that_is_broken_once_it_is_rewritten_is_named(package: Path) -> N
     assert str(caught.value).startswith(f"{source}:")
 
 
+def test_a_package_may_execute_actions_and_have_its_own(package: Path) -> None:
+    before = """
+    from launch import Action
+
+    class Twice(Action):
+        def execute(self, context):
+            name = context.launch_configurations["controller"]
+            return [spawner(name), spawner("joint_state_broadcaster")]
+
+    class Manager(Node):
+        def execute(self, context):
+            LogInfo(msg=["it is ", self.name]).execute(context=context)
+            return super().execute(context)
+
+    def start(context):
+        SetLaunchConfiguration("controller", "forward").execute(context)
+        publisher(condition=UnlessCondition("true")).visit(context)
+        publisher().visit(context)
+        return [Twice(), Twice(condition=IfCondition("false"))]
+    """
+    path = describe(
+        package,
+        """
+        OpaqueFunction(function=start),
+        Manager(package="controller_manager", executable="ros2_control_node",
+                name="controller_manager", parameters=[YAML]),
+        """,
+        before,
+    )
+
+    plan = ad.load_launch(path)
+
+    (robot,) = plan.robots
+    assert list(robot.spawned) == ["forward", "joint_state_broadcaster"]
+    assert robot.has_manager
+    (entry,) = plan.report
+    assert entry.what == "it is controller_manager"
+
+
 @pytest.mark.slow
 def test_what_is_sent_to_one_of_several_robots_is_its_motion(package: Path) -> None:
     before = """
