@@ -483,6 +483,38 @@ def test_a_package_may_execute_actions_and_have_its_own(package: Path) -> None:
     assert entry.what == "it is controller_manager"
 
 
+def test_relative_paths_are_those_of_the_working_directory(
+    package: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = """
+    with open("config/controllers.yaml") as file:
+        assert "forward" in file.read()
+    try:
+        open("written.txt", "w")
+    except PermissionError:
+        pass
+    """
+    path = describe(
+        package,
+        """
+        publisher(["xacro ", "urdf/pendulum.urdf.xacro"]),
+        Node(package="controller_manager", executable="ros2_control_node",
+             parameters=["config/controllers.yaml"]),
+        spawner("forward"),
+        """,
+        before,
+    )
+    monkeypatch.chdir(package)
+
+    plan = ad.load_launch(path)
+
+    (robot,) = plan.robots
+    assert robot.source == package / "urdf" / "pendulum.urdf.xacro"
+    options = plan.load_scene().options
+    assert options.active == ("forward",)
+    assert not (package / "written.txt").exists()
+
+
 @pytest.mark.slow
 def test_what_is_sent_to_one_of_several_robots_is_its_motion(package: Path) -> None:
     before = """
