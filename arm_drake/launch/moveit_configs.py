@@ -281,7 +281,10 @@ def generate_move_group_launch(moveit_config: MoveItConfigs) -> LaunchDescriptio
 def generate_demo_launch(
     moveit_config: MoveItConfigs, launch_package_path: Any = None
 ) -> LaunchDescription:
-    """Return all of the above that the package has, and a controller manager."""
+    """Return the package's files of all of the above, and a controller manager.
+
+    As in MoveIt only the first of them may be left out.
+    """
     package = Path(launch_package_path or moveit_config.package_path)
     found = LaunchDescription(
         [_flag("db", False), _flag("debug", False), _flag("use_rviz", True)]
@@ -290,13 +293,11 @@ def generate_demo_launch(
     def include(name: str, flag: str = "") -> None:
         path = package / "launch" / f"{name}.launch.py"
         condition = IfCondition(LaunchConfiguration(flag)) if flag else None
-        if path.is_file():
-            source = actions.LaunchDescriptionSource(str(path))
-            found.add_action(
-                actions.IncludeLaunchDescription(source, condition=condition)
-            )
+        source = actions.LaunchDescriptionSource(str(path))
+        found.add_action(actions.IncludeLaunchDescription(source, condition=condition))
 
-    include("static_virtual_joint_tfs")
+    if (package / "launch" / "static_virtual_joint_tfs.launch.py").is_file():
+        include("static_virtual_joint_tfs")
     include("rsp")
     include("move_group")
     include("moveit_rviz", "use_rviz")

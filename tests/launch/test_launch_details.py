@@ -203,8 +203,16 @@ def test_the_launch_files_of_moveits_assistant_run(package: Path) -> None:
     assert frame[:2] == ("table", "world")
     (loaded,) = plan.load_scene().robots
     assert [path.name for path in loaded.srdf_files] == ["robot.srdf"]
+    (launch / "static_virtual_joint_tfs.launch.py").unlink()
+    (launch / "moveit_rviz.launch.py").unlink()
     without = ad.load_launch(launch / "demo.launch.py", arguments={"use_rviz": "0"})
     assert without.rviz is None
+    assert not without.static_frames
+    (launch / "spawn_controllers.launch.py").unlink()
+    with pytest.raises(
+        InputError, match=r"spawn_controllers\.launch\.py: no such file"
+    ):
+        ad.load_launch(launch / "demo.launch.py", arguments={"use_rviz": "0"})
 
 
 def test_actions_of_gazebo_are_its_launch_files(package: Path) -> None:
