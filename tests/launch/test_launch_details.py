@@ -215,6 +215,63 @@ def test_the_launch_files_of_moveits_assistant_run(package: Path) -> None:
         ad.load_launch(launch / "demo.launch.py", arguments={"use_rviz": "0"})
 
 
+def test_what_copies_of_moveits_demo_import_is_there(package: Path) -> None:
+    srdf = SRDF.replace(
+        "</robot>",
+        "<group name='hand'><chain base_link='world' tip_link='arm'/></group>"
+        "<group_state name='up' group='arm'><joint name='swing' value='1.5'/>"
+        "</group_state></robot>",
+    )
+    (package / "config" / "pendulum.srdf").write_text(srdf, encoding="utf-8")
+    before = """
+    from moveit_configs_utils import MoveItConfigsBuilder
+    from moveit_configs_utils.launch_utils import (
+        DeclareBooleanLaunchArg, add_debuggable_node)
+    from srdfdom.srdf import SRDF
+
+    configs = MoveItConfigsBuilder("pendulum", package_name="pendulum_bringup")
+    configs = configs.robot_description("urdf/pendulum.urdf.xacro").to_moveit_configs()
+    (text,) = configs.robot_description_semantic.values()
+    srdf = SRDF.from_xml_string(text)
+    (joint,), (state,) = srdf.virtual_joints, srdf.group_states
+    capabilities = configs.move_group_capabilities["capabilities"]
+    assert (srdf.name, joint.name, joint.type) == ("pendulum", "fixed", "fixed")
+    assert [each.name for each in srdf.groups] == ["arm", "hand"]
+    assert [each.name for each in srdf.groups[0].joints] == ["swing"]
+    assert srdf.groups[1].chains[0].tip_link == "arm"
+    assert (state.group, state.joints[0].value) == ("arm", [1.5])
+    assert srdf.disable_collisionss == [] and srdf.end_effectors == []
+
+    more = LaunchDescription()
+    add_debuggable_node(
+        more, package="moveit_ros_move_group", executable="move_group",
+        parameters=[configs.to_dict()], commands_file="gdb", extra_debug_args=["-d"])
+    """
+    path = describe(
+        package,
+        """
+        DeclareBooleanLaunchArg("db", default_value=True, description="A data base"),
+        DeclareLaunchArgument("capabilities", default_value=capabilities),
+        publisher(condition=IfCondition(LaunchConfiguration("db"))),
+        Node(package="tf2_ros", executable="static_transform_publisher",
+             arguments=["--frame-id", joint.parent_frame,
+                        "--child-frame-id", joint.child_link]),
+        *more.entities,
+        """,
+        before,
+    )
+
+    plan = ad.load_launch(path)
+
+    assert plan.has_move_group
+    assert [frame[:2] for frame in plan.static_frames] == [("table", "world")]
+    assert {a.name: a.default for a in plan.arguments} == {
+        "db": "true",
+        "capabilities": "",
+    }
+    assert len(plan.robots) == 1
+
+
 def test_actions_of_gazebo_are_its_launch_files(package: Path) -> None:
     (package / "w.sdf").write_text("<sdf version='1.9'><world name='w'/></sdf>")
     before = """
