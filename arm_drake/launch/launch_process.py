@@ -671,9 +671,12 @@ def _launch(run: LaunchRun, request: Mapping[str, Any]) -> dict[str, Any] | None
             "line": error.lineno,
         }
     except ImportError as error:
+        # Of a module that is there, a name may lack.
+        lacks = isinstance(error, ModuleNotFoundError) or not error.name
         return {
-            "kind": "import",
+            "kind": "import" if lacks else "launch",
             "name": error.name or str(error),
+            "text": f"{error.name} here lacks it: {error.msg.partition(' (')[0]}",
             **_place(error, run),
         }
     except MemoryError:
