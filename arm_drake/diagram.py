@@ -668,7 +668,8 @@ def _add_perception(
             scenery,
             prefix,
             part.report,
-            plant.time_step(),
+            # Without physics joints move once in each cycle.
+            part.system.period if setting.is_kinematic else plant.time_step(),
             logged,
             setting.options.log_image_format,
         )

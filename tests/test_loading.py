@@ -673,6 +673,28 @@ def test_candidates_are_named_for_a_missing_parameters_file(package):
     )
 
 
+def test_files_that_other_tags_name_are_no_candidates(package):
+    tags = "".join(
+        f"<parameters>{name}</parameters>"
+        for name in ("nowhere.yaml", "../config/controllers.yaml", "empty.yaml")
+    )
+    text = f'<gazebo><plugin filename="gz_ros2_control-system">{tags}</plugin></gazebo>'
+    file = arm_with(package, text)
+    controllers = controllers_with(package)
+    write(file.parent / "empty.yaml", "# Nothing yet.\n")
+
+    robot = ad.load_robot(package)
+
+    assert robot.controllers.files == (controllers,)
+    assert lines(robot)[:2] == [
+        f"error: {file}: <parameters>: {problem}; its controllers are left out"
+        for problem in (
+            "'nowhere.yaml' does not exist",
+            "'empty.yaml' is no ROS 2 parameter file, it has no ros__parameters",
+        )
+    ]
+
+
 @pytest.mark.parametrize(
     "uri",
     [

@@ -3,7 +3,7 @@
 import itertools
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 from arm_drake.description.controllers import (
@@ -60,11 +60,14 @@ def find_control_files(
         if text
     ]
     if named:
-        found = (
-            _find_named(text, description, packages, report)
-            for text in dict.fromkeys(named)
-        )
-        return [path for path in found if path is not None]
+        found: list[Path] = []
+        lost: dict[str, None] = {}
+        for text in dict.fromkeys(named):
+            path, problem = _find_named(text, description, packages, report)
+            found += [] if path is None else [path]
+            lost |= {problem: None} if problem else {}
+        _report_lost(lost, found, description, packages, report)
+        return found
     if bundled is not None:
         own = configs_folder() / bundled / "controllers.yaml"
         if moving_plugins(description) and not description.hardware:
@@ -78,8 +81,8 @@ def _find_named(
     description: RobotDescription,
     packages: PackageFinder,
     report: LoadReport,
-) -> Path | None:
-    """Return the file of a `<parameters>` tag, or None and a line in the report."""
+) -> tuple[Path | None, str]:
+    """Return the file of a `<parameters>` tag, or None and what is wrong with it."""
     file = description.file
     try:
         path, is_elsewhere = packages.locate(text, file.parent)
@@ -91,17 +94,30 @@ def _find_named(
     except PackageError as error:
         problem = error.problem
     if problem:
-        what, done = f"<parameters>: {problem}", "its controllers are left out"
-        if candidates := _candidates(description, packages):
-            listed = ", ".join(map(str, candidates))
-            done += f"; --controllers FILE gives others; candidates: {listed}"
-        report.add("error", "missing", what, done, file=file)
-        return None
+        return None, problem
     if is_elsewhere:
         what = f"<parameters>: {text!r} does not exist"
         done = f"taken from {str(path)!r}"
         report.add("warning", "repair", what, done, file=file)
-    return path.resolve()
+    return path.resolve(), ""
+
+
+def _report_lost(
+    problems: Iterable[str],
+    taken: Collection[Path],
+    description: RobotDescription,
+    packages: PackageFinder,
+    report: LoadReport,
+) -> None:
+    """Report files of `<parameters>` tags that can't be read, and what others are."""
+    for problem in problems:
+        what, done = f"<parameters>: {problem}", "its controllers are left out"
+        candidates = _candidates(description, packages)
+        others = [path for path in candidates if path.resolve() not in taken]
+        if others:
+            listed = ", ".join(map(str, others))
+            done += f"; --controllers FILE gives others; candidates: {listed}"
+        report.add("error", "missing", what, done, file=description.file)
 
 
 def _controllers_in_package(

@@ -477,7 +477,8 @@ def _report_height(robot: Robot, lowest: float, report: LoadReport) -> None:
         is_above = lowest > 0.0
         side, does = ("above", "falls") if is_above else ("below", "is pushed out")
         what = f"the base starts {abs(lowest):.3g} m {side} the ground"
-        done = f"it {does}; expected z = {z - lowest:.3g} m"
+        # To the tenth of a millimetre; rounding may leave some of the zero.
+        done = f"it {does}; expected z = {round(z - lowest, 4) + 0.0:g} m"
         file = robot.description.file
         report.add("warning", "invalid", what, done, where="pose", file=file)
 

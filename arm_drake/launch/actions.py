@@ -40,16 +40,19 @@ class Action:
         """Take what describes it; what isn't modelled keeps it as it is."""
         self.args, self.kwargs, self.condition = args, kwargs, condition
 
-    def execute(self, run: "LaunchRun") -> Iterable[Any] | None:
+    def act(self, run: "LaunchRun") -> Iterable[Any] | None:
         """Come to pass; return what comes to pass next."""
         raise NotImplementedError
 
+    def execute(self, context: Any) -> Iterable[Any] | None:
+        """Do so, by the name that packages call and that their own actions give it."""
+        return self.act(context.run)
+
     def visit(self, context: Any) -> Iterable[Any] | None:
         """Return what a package's own action consists of."""
-        run: LaunchRun = context.run
         if self.condition is not None and not self.condition.evaluate(context):
             return None
-        return self.execute(run)
+        return self.execute(context)
 
 
 class LambdaAction(Action):
@@ -59,14 +62,14 @@ class LambdaAction(Action):
         super().__init__()
         self.function = function
 
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         self.function(run)
 
 
 class UnknownAction(Action):
     """An action that isn't modelled; it is noted."""
 
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         run.note("unknown", name=type(self).__name__)
 
 
@@ -83,7 +86,7 @@ class LaunchDescription(Action):
 
     add_entity = add_action
 
-    def execute(self, run: "LaunchRun") -> list[Any]:
+    def act(self, run: "LaunchRun") -> list[Any]:
         return self.entities
 
 
@@ -102,7 +105,7 @@ class DeclareLaunchArgument(Action):
         self.description = description
         self.choices = None if choices is None else [str(each) for each in choices]
 
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         configurations = run.context.launch_configurations
         default = self.default_value
         text = None if default is None else perform(run.context, default)
@@ -134,13 +137,13 @@ class SetLaunchConfiguration(Action):
         super().__init__(**kwargs)
         self.name, self.value = name, value
 
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         name = perform(run.context, self.name)
         run.context.launch_configurations[name] = perform(run.context, self.value)
 
 
 class UnsetLaunchConfiguration(Action):
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         name = perform(run.context, self.args[0])
         run.context.launch_configurations.pop(name, None)
 
@@ -151,7 +154,7 @@ class SetEnvironmentVariable(Action):
         super().__init__(condition=condition, **kwargs)
         self.name, self.value = name, value
 
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         name, value = (perform(run.context, each) for each in (self.name, self.value))
         os.environ[name] = self.join(os.environ.get(name, ""), value, run)
 
@@ -170,7 +173,7 @@ class AppendEnvironmentVariable(SetEnvironmentVariable):
 
 
 class UnsetEnvironmentVariable(Action):
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         os.environ.pop(perform(run.context, self.args[0]), None)
 
 
@@ -192,7 +195,7 @@ class GroupAction(Action):
         """Return the actions of the group."""
         return self.actions
 
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         context = run.context
         values = {
             perform(context, name): perform(context, value)
@@ -215,7 +218,7 @@ class PushRosNamespace(Action):
         super().__init__(**kwargs)
         self.namespace = namespace
 
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         name = join_names(run.namespace, perform(run.context, self.namespace))
         run.context.launch_configurations["ros_namespace"] = name
 
@@ -225,7 +228,7 @@ class SetParameter(Action):
         super().__init__(**kwargs)
         self.parameter = Parameter(name, value)
 
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         run.context.parameters.append(read_parameters(run.context, self.parameter))
 
 
@@ -235,7 +238,7 @@ class SetUseSimTime(SetParameter):
 
 
 class SetParametersFromFile(Action):
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         file = self.kwargs.get("filename", *self.args[:1])
         run.context.parameters.append(perform(run.context, file))
 
@@ -245,7 +248,7 @@ class SetRemap(Action):
         super().__init__(**kwargs)
         self.pair = (src, dst)
 
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         source, target = (perform(run.context, each) for each in self.pair)
         run.context.remappings.append((source, target))
 
@@ -255,7 +258,7 @@ class LogInfo(Action):
         super().__init__(**kwargs)
         self.msg = msg
 
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         run.note("log", text=perform(run.context, self.msg))
 
 
@@ -272,7 +275,7 @@ class OpaqueFunction(Action):
         self.function, self.positional = function, list(args or [])
         self.named = dict(kwargs or {})
 
-    def execute(self, run: "LaunchRun") -> Iterable[Any] | None:
+    def act(self, run: "LaunchRun") -> Iterable[Any] | None:
         found: Any = self.function(run.context, *self.positional, **self.named)
         if found is not None and not isinstance(found, list | tuple):
             name = getattr(self.function, "__name__", "function")
@@ -288,7 +291,7 @@ class TimerAction(Action):
         super().__init__(**kwargs)
         self.period, self.actions = period, list(actions)
 
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         text = perform(run.context, self.period)
         try:
             period = float(text)
@@ -307,12 +310,12 @@ class TimerAction(Action):
 
 
 class Shutdown(Action):
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         run.note("shutdown")
 
 
 class EmitEvent(Action):
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         event = self.kwargs.get("event", *self.args[:1])
         run.note("event", name=type(event).__name__)
 
@@ -322,14 +325,14 @@ class RegisterEventHandler(Action):
         super().__init__(**kwargs)
         self.event_handler = event_handler
 
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         if self.event_handler.kind in ("", "output", "shutdown"):
             run.note("event", name=type(self.event_handler).__name__)
         run.handlers.append(self.event_handler)
 
 
 class UnregisterEventHandler(Action):
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         handler = self.kwargs.get("event_handler", *self.args[:1])
         if handler in run.handlers:
             run.handlers.remove(handler)
@@ -360,7 +363,7 @@ class IncludeLaunchDescription(Action):
             arguments.items() if isinstance(arguments, Mapping) else arguments
         )
 
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         values = {
             perform(run.context, name): perform(run.context, value)
             for name, value in self.launch_arguments
@@ -389,7 +392,7 @@ class ExecuteLocal(Action):
         super().__init__(**kwargs)
         self.cmd, self.on_exit = [cmd] if isinstance(cmd, str) else list(cmd), on_exit
 
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         words = [perform(run.context, word) for word in self.cmd]
         if len(words) == 1 or self.kwargs.get("shell"):
             words = split_words(" ".join(words))
@@ -478,7 +481,7 @@ class Node(ExecuteProcess):
             self.arguments = Words([self.arguments])
         self.ros_arguments = ros_arguments or []
 
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         context = run.context
         package, executable, name, space = (
             None if value is None else perform(context, value)
@@ -541,7 +544,7 @@ class ComposableNodeContainer(Node):
         super().__init__(**kwargs)
         self.loaded = composable_node_descriptions or []
 
-    def execute(self, run: "LaunchRun") -> None:
+    def act(self, run: "LaunchRun") -> None:
         run.visit([each.node for each in self.loaded])
         run.begin(self)
 

@@ -245,7 +245,6 @@ def _run_process(
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
-        cwd=folder,
         # Without it numpy takes memory for each core of the machine.
         env={"OPENBLAS_NUM_THREADS": "1", **os.environ},
     ) as process:

@@ -283,6 +283,10 @@ _GAZEBO = {
 }
 
 
+# Modules of `moveit_configs_utils`.
+_OF_MOVEIT = ("launches", "launch_utils", "substitutions", "moveit_configs_builder")
+
+
 def _describe_modules() -> Mapping[str, Mapping[str, Any]]:
     """Return what modules of ROS hold, by their names."""
     from arm_drake.launch import moveit_configs
@@ -331,9 +335,7 @@ def _describe_modules() -> Mapping[str, Mapping[str, Any]]:
         "controller_manager": {},
         "controller_manager.launch_utils": controller_manager,
         "moveit_configs_utils": moveit,
-        "moveit_configs_utils.launches": moveit,
-        "moveit_configs_utils.substitutions": moveit,
-        "moveit_configs_utils.moveit_configs_builder": moveit,
+        **{f"moveit_configs_utils.{name}": moveit for name in _OF_MOVEIT},
         "ros_gz_bridge": {},
         "ros_gz_bridge.actions": gazebo,
         "ros_gz_sim": {},
@@ -341,6 +343,8 @@ def _describe_modules() -> Mapping[str, Mapping[str, Any]]:
         "nav2_common": {},
         "nav2_common.launch": nav2,
         "launch_param_builder": builder,
+        "srdfdom": {},
+        "srdfdom.srdf": {"SRDF": moveit_configs.SRDF, "Robot": moveit_configs.SRDF},
     }
 
 
@@ -667,9 +671,12 @@ def _launch(run: LaunchRun, request: Mapping[str, Any]) -> dict[str, Any] | None
             "line": error.lineno,
         }
     except ImportError as error:
+        # Of a module that is there, a name may lack.
+        lacks = isinstance(error, ModuleNotFoundError) or not error.name
         return {
-            "kind": "import",
+            "kind": "import" if lacks else "launch",
             "name": error.name or str(error),
+            "text": f"{error.name} here lacks it: {error.msg.partition(' (')[0]}",
             **_place(error, run),
         }
     except MemoryError:

@@ -4,6 +4,7 @@ It has the names and the arguments of that package; the files that are looked fo
 what its launch files start, are told by its documentation.
 """
 
+import types
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -25,6 +26,45 @@ from arm_drake.launch.substitutions import (
 
 # Where the controllers that a planner talks to are named.
 _MANAGER = "moveit_simple_controller_manager"
+
+_CAPABILITIES = ("capabilities", "disable_capabilities")
+
+# Elements of SRDF: their attributes, and the elements in them, which are lists.
+_SRDF: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "robot": (
+        ("name",),
+        (
+            *("group", "group_state", "end_effector", "virtual_joint"),
+            *("passive_joint", "disable_collisions"),
+        ),
+    ),
+    "group": (("name",), ("link", "joint", "chain", "group")),
+    "group_state": (("name", "group"), ("joint",)),
+    "end_effector": (("name", "group", "parent_link", "parent_group"), ()),
+    "virtual_joint": (("name", "type", "parent_frame", "child_link"), ()),
+    "chain": (("base_link", "tip_link"), ()),
+    "disable_collisions": (("link1", "link2", "reason"), ()),
+}
+
+
+class SRDF(types.SimpleNamespace):
+    """Of `srdfdom.srdf`: an element of SRDF, with those in it."""
+
+    @classmethod
+    def from_xml_string(cls, text: str) -> "SRDF":
+        """Return what a semantic description says."""
+        return cls._of(ET.fromstring(current().expanded(text)))  # noqa: S314  no entities.
+
+    @classmethod
+    def _of(cls, element: ET.Element) -> "SRDF":
+        attributes, inner = _SRDF.get(element.tag, (("name",), ()))
+        found = cls(**{name: element.get(name) for name in attributes})
+        for tag in inner:
+            each = [cls._of(child) for child in element.iterfind(tag)]
+            setattr(found, f"{tag}s", each)
+        if element.get("value") is not None:
+            found.value = [float(word) for word in element.get("value", "").split()]
+        return found
 
 
 class Xacro(Substitution):
@@ -59,7 +99,8 @@ class MoveItConfigs:
         self._values = dict(values)
 
     def __getattr__(self, name: str) -> Any:
-        return self._values.get(name, {})
+        names = _CAPABILITIES if name == "move_group_capabilities" else ()
+        return self._values.get(name, dict.fromkeys(names, ""))
 
     def to_dict(self, include_moveit_configs: bool = True) -> dict[str, Any]:
         """Return all parameters as one mapping."""
@@ -177,8 +218,22 @@ def _is_planners(path: Path) -> bool:
     return _MANAGER in path.read_text(encoding="utf-8", errors="replace")
 
 
-def _flag(name: str, default: bool) -> DeclareLaunchArgument:
-    return DeclareLaunchArgument(name, default_value=str(default).lower())
+class DeclareBooleanLaunchArg(DeclareLaunchArgument):
+    """Of `moveit_configs_utils.launch_utils`: an argument that is true or false."""
+
+    def __init__(
+        self, name: Any, *, default_value: bool = False, **kwargs: Any
+    ) -> None:
+        super().__init__(name, default_value=str(default_value).lower(), **kwargs)
+
+
+def add_debuggable_node(
+    ld: LaunchDescription, package: Any, executable: Any, *args: Any, **kwargs: Any
+) -> None:
+    """Add a node, of `launch_utils`; a debugger would make no difference here."""
+    others = ("condition_name", "commands_file", "extra_debug_args")
+    kwargs = {name: value for name, value in kwargs.items() if name not in others}
+    ld.add_action(Node(package=package, executable=executable, **kwargs))
 
 
 def generate_rsp_launch(moveit_config: MoveItConfigs) -> LaunchDescription:
@@ -201,7 +256,7 @@ def generate_moveit_rviz_launch(moveit_config: MoveItConfigs) -> LaunchDescripti
     file = str(moveit_config.package_path / "config" / "moveit.rviz")
     return LaunchDescription(
         [
-            _flag("debug", False),
+            DeclareBooleanLaunchArg("debug", default_value=False),
             DeclareLaunchArgument("rviz_config", default_value=file),
             Node(
                 package="rviz2",
@@ -216,7 +271,10 @@ def generate_setup_assistant_launch(moveit_config: MoveItConfigs) -> LaunchDescr
     """Return what edits the package of a planner."""
     name = "moveit_setup_assistant"
     return LaunchDescription(
-        [_flag("debug", False), Node(package=name, executable=name)]
+        [
+            DeclareBooleanLaunchArg("debug", default_value=False),
+            Node(package=name, executable=name),
+        ]
     )
 
 
@@ -226,9 +284,8 @@ def generate_static_virtual_joint_tfs_launch(
     """Return the frames of fixed virtual joints of the SRDF."""
     found = LaunchDescription()
     for text in moveit_config.robot_description_semantic.values():
-        root = ET.fromstring(current().expanded(text))  # noqa: S314  no entities.
-        for joint in root.iter("virtual_joint"):
-            parent, child = joint.get("parent_frame", ""), joint.get("child_link", "")
+        for joint in SRDF.from_xml_string(text).virtual_joints:
+            parent, child = joint.parent_frame or "", joint.child_link or ""
             found.add_action(
                 Node(
                     package="tf2_ros",
@@ -256,19 +313,22 @@ def generate_spawn_controllers_launch(
 def generate_warehouse_db_launch(moveit_config: MoveItConfigs) -> LaunchDescription:
     """Return the data base of scenes."""
     node = Node(package="warehouse_ros_mongo", executable="mongo_wrapper_ros.py")
-    return LaunchDescription([_flag("reset", False), node])
+    return LaunchDescription(
+        [DeclareBooleanLaunchArg("reset", default_value=False), node]
+    )
 
 
 def generate_move_group_launch(moveit_config: MoveItConfigs) -> LaunchDescription:
     """Return the planner."""
-    names = ("capabilities", "disable_capabilities")
     return LaunchDescription(
         [
-            _flag("debug", False),
-            _flag("allow_trajectory_execution", True),
-            _flag("publish_monitored_planning_scene", True),
-            *(DeclareLaunchArgument(name, default_value="") for name in names),
-            _flag("monitor_dynamics", False),
+            DeclareBooleanLaunchArg("debug", default_value=False),
+            DeclareBooleanLaunchArg("allow_trajectory_execution", default_value=True),
+            DeclareBooleanLaunchArg(
+                "publish_monitored_planning_scene", default_value=True
+            ),
+            *(DeclareLaunchArgument(n, default_value="") for n in _CAPABILITIES),
+            DeclareBooleanLaunchArg("monitor_dynamics", default_value=False),
             Node(
                 package="moveit_ros_move_group",
                 executable="move_group",
@@ -281,22 +341,27 @@ def generate_move_group_launch(moveit_config: MoveItConfigs) -> LaunchDescriptio
 def generate_demo_launch(
     moveit_config: MoveItConfigs, launch_package_path: Any = None
 ) -> LaunchDescription:
-    """Return all of the above that the package has, and a controller manager."""
+    """Return the package's files of all of the above, and a controller manager.
+
+    As in MoveIt only the first of them may be left out.
+    """
     package = Path(launch_package_path or moveit_config.package_path)
     found = LaunchDescription(
-        [_flag("db", False), _flag("debug", False), _flag("use_rviz", True)]
+        [
+            DeclareBooleanLaunchArg("db", default_value=False),
+            DeclareBooleanLaunchArg("debug", default_value=False),
+            DeclareBooleanLaunchArg("use_rviz", default_value=True),
+        ]
     )
 
     def include(name: str, flag: str = "") -> None:
         path = package / "launch" / f"{name}.launch.py"
         condition = IfCondition(LaunchConfiguration(flag)) if flag else None
-        if path.is_file():
-            source = actions.LaunchDescriptionSource(str(path))
-            found.add_action(
-                actions.IncludeLaunchDescription(source, condition=condition)
-            )
+        source = actions.LaunchDescriptionSource(str(path))
+        found.add_action(actions.IncludeLaunchDescription(source, condition=condition))
 
-    include("static_virtual_joint_tfs")
+    if (package / "launch" / "static_virtual_joint_tfs.launch.py").is_file():
+        include("static_virtual_joint_tfs")
     include("rsp")
     include("move_group")
     include("moveit_rviz", "use_rviz")

@@ -22,11 +22,20 @@ from arm_drake.launch.substitutions import (
 )
 
 
+def read_text(path: str) -> str:
+    """Return the text of a file of parameters."""
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise SubstitutionFailure(f"{path} can't be read: {reason}") from None
+
+
 def read_parameter_file(path: str) -> Any:
     """Return what a YAML file of parameters holds."""
     try:
-        return yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (OSError, yaml.YAMLError) as error:
+        return yaml.safe_load(read_text(path))
+    except yaml.YAMLError as error:
         reason = " ".join(str(error).split())
         raise SubstitutionFailure(f"{path} can't be read: {reason}") from None
 
@@ -108,7 +117,7 @@ class ReplaceString(Substitution):
         path = perform(context, self.args[0])
         if self.condition is not None and not self.condition.evaluate(context):
             return path
-        text = Path(path).read_text(encoding="utf-8")
+        text = read_text(path)
         for old, new in self.replacements.items():
             text = text.replace(old, perform(context, new))
         return save_parameters(context, text, path, has_its_lines=True)
@@ -143,7 +152,7 @@ class ParameterFile:
             allowed = perform(context, allowed).lower() in ("true", "1")
         if not allowed:
             return path
-        text = Path(path).read_text(encoding="utf-8")
+        text = read_text(path)
         text = perform(context, parse_substitution(text))
         return save_parameters(context, text, path, has_its_lines=True)
 

@@ -372,8 +372,8 @@ def add_sensors(
 
     They compute nothing that nobody reads; the log of those whose names, with the
     prefix, are in `logged` reads them, and has their pictures in a format, as
-    `SimulationOptions.log_image_format`. Nothing is told more often than the physics
-    steps.
+    `SimulationOptions.log_image_format`. Nothing is told more often than the
+    simulation steps, every `time_step` [s].
     """
     systems: list[LeafSystem] = []
     publishers = dict(place.taken)
@@ -418,7 +418,7 @@ def _restrain(
         sensor = dc.replace(sensor, topic=topic)
     if sensor.update_rate <= most * (1.0 + _ROUNDED):
         return sensor
-    what = f"update_rate {sensor.update_rate:g} Hz, more often than the physics steps"
+    what = f"update_rate {sensor.update_rate:g} Hz, more often than anything moves"
     done = f"it is {most:g} Hz, once in each step"
     report.add("warning", "unsupported", what, done, where=where)
     return dc.replace(sensor, update_rate=most)

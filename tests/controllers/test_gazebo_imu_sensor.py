@@ -441,9 +441,13 @@ def test_one_that_is_not_active_tells_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_without_physics_it_is_silent_and_the_report_says_so(tmp_path: Path) -> None:
+@pytest.mark.parametrize("inside", ["", frame("ENU")])
+def test_without_physics_it_is_silent_and_the_report_says_so(
+    tmp_path: Path, inside: str
+) -> None:
     yaml = models.trajectory_controllers({"arm": ["slide"]})
-    robot = models.load(tmp_path, with_tag(models.LIFT, imu(reference="load")), yaml)
+    urdf = with_tag(models.LIFT, imu(inside, reference="load"))
+    robot = models.load(tmp_path, urdf, yaml)
     options = ad.SimulationOptions(preset="kinematic")
     sim = ad.Simulation(ad.build_diagram(robot, world="void", options=options))
 

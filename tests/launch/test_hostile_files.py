@@ -31,6 +31,12 @@ def message(path: Path) -> str:
     ("text", "expected", "line"),
     [
         ("import rclpy\n", "it imports 'rclpy', which isn't there without ROS", 1),
+        (
+            "from ament_index_python import get_search_paths\n",
+            "ament_index_python here lacks it: cannot import name 'get_search_paths' "
+            "from 'ament_index_python'",
+            1,
+        ),
         ("def (:\n", "SyntaxError: invalid syntax", 1),
         ("1 / 0\n", "ZeroDivisionError: division by zero", 1),
         ("", "it has no function generate_launch_description()", None),

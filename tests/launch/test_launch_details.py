@@ -203,8 +203,73 @@ def test_the_launch_files_of_moveits_assistant_run(package: Path) -> None:
     assert frame[:2] == ("table", "world")
     (loaded,) = plan.load_scene().robots
     assert [path.name for path in loaded.srdf_files] == ["robot.srdf"]
+    (launch / "static_virtual_joint_tfs.launch.py").unlink()
+    (launch / "moveit_rviz.launch.py").unlink()
     without = ad.load_launch(launch / "demo.launch.py", arguments={"use_rviz": "0"})
     assert without.rviz is None
+    assert not without.static_frames
+    (launch / "spawn_controllers.launch.py").unlink()
+    with pytest.raises(
+        InputError, match=r"spawn_controllers\.launch\.py: no such file"
+    ):
+        ad.load_launch(launch / "demo.launch.py", arguments={"use_rviz": "0"})
+
+
+def test_what_copies_of_moveits_demo_import_is_there(package: Path) -> None:
+    srdf = SRDF.replace(
+        "</robot>",
+        "<group name='hand'><chain base_link='world' tip_link='arm'/></group>"
+        "<group_state name='up' group='arm'><joint name='swing' value='1.5'/>"
+        "</group_state></robot>",
+    )
+    (package / "config" / "pendulum.srdf").write_text(srdf, encoding="utf-8")
+    before = """
+    from moveit_configs_utils import MoveItConfigsBuilder
+    from moveit_configs_utils.launch_utils import (
+        DeclareBooleanLaunchArg, add_debuggable_node)
+    from srdfdom.srdf import SRDF
+
+    configs = MoveItConfigsBuilder("pendulum", package_name="pendulum_bringup")
+    configs = configs.robot_description("urdf/pendulum.urdf.xacro").to_moveit_configs()
+    (text,) = configs.robot_description_semantic.values()
+    srdf = SRDF.from_xml_string(text)
+    (joint,), (state,) = srdf.virtual_joints, srdf.group_states
+    capabilities = configs.move_group_capabilities["capabilities"]
+    assert (srdf.name, joint.name, joint.type) == ("pendulum", "fixed", "fixed")
+    assert [each.name for each in srdf.groups] == ["arm", "hand"]
+    assert [each.name for each in srdf.groups[0].joints] == ["swing"]
+    assert srdf.groups[1].chains[0].tip_link == "arm"
+    assert (state.group, state.joints[0].value) == ("arm", [1.5])
+    assert srdf.disable_collisionss == [] and srdf.end_effectors == []
+
+    more = LaunchDescription()
+    add_debuggable_node(
+        more, package="moveit_ros_move_group", executable="move_group",
+        parameters=[configs.to_dict()], commands_file="gdb", extra_debug_args=["-d"])
+    """
+    path = describe(
+        package,
+        """
+        DeclareBooleanLaunchArg("db", default_value=True, description="A data base"),
+        DeclareLaunchArgument("capabilities", default_value=capabilities),
+        publisher(condition=IfCondition(LaunchConfiguration("db"))),
+        Node(package="tf2_ros", executable="static_transform_publisher",
+             arguments=["--frame-id", joint.parent_frame,
+                        "--child-frame-id", joint.child_link]),
+        *more.entities,
+        """,
+        before,
+    )
+
+    plan = ad.load_launch(path)
+
+    assert plan.has_move_group
+    assert [frame[:2] for frame in plan.static_frames] == [("table", "world")]
+    assert {a.name: a.default for a in plan.arguments} == {
+        "db": "true",
+        "capabilities": "",
+    }
+    assert len(plan.robots) == 1
 
 
 def test_actions_of_gazebo_are_its_launch_files(package: Path) -> None:
@@ -393,6 +458,33 @@ def test_messages_name_the_file_of_which_parameters_are_rewritten(
     assert f"parameters: {source}" in str(plan)
 
 
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        "ReplaceString('{}', {{'a': 'b'}})",
+        "RewrittenYaml('{}', {{}})",
+        "ParameterFile('{}', allow_substs=True)",
+    ],
+)
+def test_a_file_to_rewrite_that_can_not_be_read_is_named(
+    package: Path, parameters: str
+) -> None:
+    source = package / "config" / "nothing.yaml"
+    before = "from nav2_common.launch import ReplaceString, RewrittenYaml\n"
+    entities = (
+        "publisher(), Node(package='controller_manager', "
+        f"executable='ros2_control_node', parameters=[{parameters.format(source)}]),"
+    )
+    path = describe(package, entities, before)
+
+    with pytest.raises(InputError) as caught:
+        ad.load_launch(path)
+
+    assert str(caught.value) == (
+        f"{path}: {source} can't be read: No such file or directory"
+    )
+
+
 def test_a_file_that_is_broken_once_it_is_rewritten_is_named(package: Path) -> None:
     source = package / "config" / "templates.yaml"
     source.write_text("# Of a template.\nforward: <joint>\n")
@@ -415,6 +507,77 @@ def test_a_file_that_is_broken_once_it_is_rewritten_is_named(package: Path) -> N
         plan.load_scene()
 
     assert str(caught.value).startswith(f"{source}:")
+
+
+def test_a_package_may_execute_actions_and_have_its_own(package: Path) -> None:
+    before = """
+    from launch import Action
+
+    class Twice(Action):
+        def execute(self, context):
+            name = context.launch_configurations["controller"]
+            return [spawner(name), spawner("joint_state_broadcaster")]
+
+    class Manager(Node):
+        def execute(self, context):
+            LogInfo(msg=["it is ", self.name]).execute(context=context)
+            return super().execute(context)
+
+    def start(context):
+        SetLaunchConfiguration("controller", "forward").execute(context)
+        publisher(condition=UnlessCondition("true")).visit(context)
+        publisher().visit(context)
+        return [Twice(), Twice(condition=IfCondition("false"))]
+    """
+    path = describe(
+        package,
+        """
+        OpaqueFunction(function=start),
+        Manager(package="controller_manager", executable="ros2_control_node",
+                name="controller_manager", parameters=[YAML]),
+        """,
+        before,
+    )
+
+    plan = ad.load_launch(path)
+
+    (robot,) = plan.robots
+    assert list(robot.spawned) == ["forward", "joint_state_broadcaster"]
+    assert robot.has_manager
+    (entry,) = plan.report
+    assert entry.what == "it is controller_manager"
+
+
+def test_relative_paths_are_those_of_the_working_directory(
+    package: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = """
+    with open("config/controllers.yaml") as file:
+        assert "forward" in file.read()
+    try:
+        open("written.txt", "w")
+    except PermissionError:
+        pass
+    """
+    path = describe(
+        package,
+        """
+        publisher(["xacro ", "urdf/pendulum.urdf.xacro"]),
+        Node(package="controller_manager", executable="ros2_control_node",
+             parameters=["config/controllers.yaml"]),
+        spawner("forward"),
+        """,
+        before,
+    )
+    monkeypatch.chdir(package)
+
+    plan = ad.load_launch(path)
+
+    (robot,) = plan.robots
+    assert robot.source == package / "urdf" / "pendulum.urdf.xacro"
+    options = plan.load_scene().options
+    assert options.active == ("forward",)
+    assert not (package / "written.txt").exists()
 
 
 @pytest.mark.slow

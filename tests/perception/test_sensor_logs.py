@@ -58,11 +58,29 @@ def test_no_sensor_is_read_more_often_than_the_physics_steps(rate: float) -> Non
 
     [line] = [e for e in simulation.report if "update_rate" in e.what]
     assert str(line).endswith(
-        f"sensor 'cam': update_rate {rate:g} Hz, more often than the physics steps; "
+        f"sensor 'cam': update_rate {rate:g} Hz, more often than anything moves; "
         "it is 500 Hz, once in each step"
     )
     times = [message.header.stamp.to_seconds() for message in messages]
     np.testing.assert_allclose(times, np.arange(5) * 0.002, atol=1e-9)
+
+
+def test_without_physics_sensors_see_what_each_cycle_moves() -> None:
+    robot = ad.add_camera(
+        load(), "eye", name="cam", kind="color", width=32, height=24, update_rate=1e4
+    )
+    options = ad.SimulationOptions("kinematic", log_images=("cam",))
+    simulation = ad.Simulation(ad.build_diagram(robot, options=options))
+    (manager,) = simulation.directory.managers.values()
+    period = manager.period
+
+    simulation.advance_to(2.5 * period)
+
+    messages = simulation.rollout().sensor_messages["/cam/image"]
+    times = [message.header.stamp.to_seconds() for message in messages]
+    np.testing.assert_allclose(times, np.arange(3) * period, atol=1e-9)
+    [line] = [e for e in simulation.report if "update_rate" in e.what]
+    assert line.done == f"it is {1.0 / period:g} Hz, once in each step"
 
 
 def test_a_rate_of_the_physics_is_taken_as_it_is() -> None:

@@ -127,6 +127,8 @@ class ImuSensor(ControllerInterface):
         # The manager is asked when it matters: it makes its cycle for who asks.
         if not self._is_due(context.get_time() * NANOSECONDS, last_ns):
             return
+        if not self._readings.HasValue(context):  # Nothing measures without physics.
+            return
         if not self._is_active(context):
             state.set_value(self._time, [math.nan])
             return
