@@ -343,14 +343,13 @@ class DriveCommands:
         `values` are of shape (T, k); returned are what the servo is told, shape (T, 2 n
         or 7 n), and the rates, shape (T, n).
         """
-        q = np.where(mode.is_position, values[:, mode.position_at], lasts)
-        if self._stops is not None:
-            q = np.clip(q, *self._stops)
-        rates = (q - _shift(q, lasts)) * mode.rate
-        before = _shift(rates, befores)
-        most = _GROWTH * before
-        v = np.where(before > 0.0, np.minimum(rates, most), np.maximum(rates, most))
-        v = np.where(rates * before > 0.0, v, 0.0)
+        q = self._stop(np.where(mode.is_position, values[:, mode.position_at], lasts))
+        with np.errstate(over="ignore", invalid="ignore"):  # As in plain numbers.
+            rates = (q - _shift(q, lasts)) * mode.rate
+            before = _shift(rates, befores)
+            most = _GROWTH * before
+            v = np.where(before > 0.0, np.minimum(rates, most), np.maximum(rates, most))
+            v = np.where(rates * before > 0.0, v, 0.0)
         if not self.has_modes:
             return np.concatenate((q, v), axis=1), rates
         others = np.tile((*self._still, *mode.flags), (len(values), 1))
@@ -358,6 +357,17 @@ class DriveCommands:
         for i, k in mode.others:
             servo_input[:, i] = values[:, k]
         return servo_input, rates
+
+    def _stop(self, positions: Array) -> Array:
+        """Return positions that can be reached, shape (..., n).
+
+        np.clip may take -0.0 for 0.0, which plain numbers don't.
+        """
+        if self._stops is None:
+            return positions
+        low, high = self._stops
+        positions = np.where(low > positions, low, positions)
+        return np.where(high < positions, high, positions)
 
     def _write_anew(
         self,
@@ -369,9 +379,7 @@ class DriveCommands:
     ) -> Array:
         """Return the drive vector where joints start, are skipped or have limits."""
         n = len(self.joints)
-        q = np.where(mode.is_position, values[mode.position_at], last[:n])
-        if self._stops is not None:
-            q = np.clip(q, *self._stops)
+        q = self._stop(np.where(mode.is_position, values[mode.position_at], last[:n]))
         rate, before = (q - last[:n]) * mode.rate, last[len(last) - n :]
         if fresh is not None:
             rate[fresh] = 0.0

@@ -1,6 +1,5 @@
 """What the servo is told of the values that command interfaces hold."""
 
-import dataclasses as dc
 from typing import Any
 
 import numpy as np
@@ -45,23 +44,30 @@ def test_at_first_positions_are_held():
     assert parts(make_drive().initial([0.3, -0.4])) == [[0.3, -0.4]] + [[0.0, 0.0]] * 6
 
 
-def test_plain_numbers_and_numpy_give_the_same_bits():
-    stops = np.array([-0.5, -np.inf]), np.array([0.5, 0.25])
-    drive = make_drive(has_modes=False, stops=stops)
-    mode = mode_of("a/position", "b/position", drive=drive)
-    in_numpy = dc.replace(mode, is_plain=False)
-    numbers = [0.0, -0.0, 0.1, -0.2, 0.5, 7.0, -7.0, np.inf, -np.inf, np.nan]
-    choose = np.random.default_rng(1).choice
+@pytest.mark.parametrize("claims", [("a/position", "b/position"), ("b/position",)])
+@pytest.mark.parametrize("has_modes", [False, True])
+def test_plain_numbers_and_numpy_give_the_same_bits(
+    has_modes: bool, claims: tuple[str, ...]
+) -> None:
+    stops = np.array([-0.5, 0.0]), np.array([-0.0, 0.25])
+    drive = make_drive(has_modes=has_modes, stops=stops)
+    mode = mode_of(*claims, drive=drive)
+    numbers = [0.0, -0.0, 0.1, -0.2, 0.5, 7.0, -7.0, 1e308, np.inf, -np.inf, np.nan]
+    choose, nobody = np.random.default_rng(1).choice, np.zeros(len(JOINTS), dtype=bool)
+    n, size = len(JOINTS), len(make_drive(has_modes=has_modes).initial([0.0, 0.0]))
 
-    for _ in range(500):
-        values, last = choose(numbers, len(ORDER)), choose(numbers, 3 * len(JOINTS))
-        with np.errstate(all="ignore"):
-            expected = drive.write(in_numpy, values, last)
-        servo_input = drive.write(mode, values, last)
-        np.testing.assert_array_equal(servo_input, expected)
-        is_number = ~np.isnan(expected)
-        signs = np.signbit(servo_input), np.signbit(expected)
-        assert (signs[0] == signs[1])[is_number].all()
+    for _ in range(200):
+        rows, last = choose(numbers, (5, len(ORDER))), choose(numbers, size)
+        ahead = drive.go_on_for(mode, rows, last[:n].tolist(), last[-n:].tolist())
+        for values, told in zip(rows, np.concatenate(ahead, axis=1), strict=True):
+            with np.errstate(all="ignore"):
+                in_numpy = drive.write(mode, values, last, skipped=nobody)
+            last = drive.write(mode, values, last)
+            for other in (in_numpy, told):
+                np.testing.assert_array_equal(other, last)
+                is_number = ~np.isnan(last)
+                signs = np.signbit(other), np.signbit(last)
+                assert (signs[0] == signs[1])[is_number].all()
 
 
 def test_without_modes_there_are_positions_and_velocities_alone():
