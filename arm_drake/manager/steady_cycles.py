@@ -112,8 +112,9 @@ class _SteadyController(NamedTuple):
 # Where the ticks stand in the state.
 _TICKS = ManagerState._fields.index("ticks")
 
-# After so many steady cycles others are computed ahead, this many times as many, and at
-# most so many at once. They are in vain where a message comes before them.
+# After so many cycles that weren't known others are computed ahead, this many times as
+# many as there were since the last full one, and at most so many at once. They are in
+# vain where a message comes before them, or where several Contexts take turns.
 _NUM_BEFORE, _TIMES_AHEAD, _MOST_AHEAD = 8, 4, 128
 
 
@@ -160,9 +161,9 @@ class SteadyCycles:
         self._values: list[float] = base.values.tolist()
         # Where commands stand, with a slice where they stand in a row.
         self._rows = [(_row(c.at), c.at) for c in controllers]
-        # What is computed ahead, and whether that can be.
+        # What is computed ahead, whether that can be, and how many weren't known.
         self._ahead: CyclesAhead | None = None
-        self._has_ahead = True
+        self._has_ahead, self._num_unknown = True, 0
         self._take(base, controllers)
 
     def _take(
@@ -231,6 +232,7 @@ class SteadyCycles:
         new = object.__new__(type(self))
         new._values, new._drive, new._rows = self._values, self._drive, self._rows
         new._active, new._has_ahead = self._active, self._has_ahead
+        new._num_unknown = self._num_unknown
         new._ahead = self._ahead  # It doesn't hang on what has been told.
         new._take(with_field(self.base, _TICKS, ticks), controllers)
         return new
@@ -272,13 +274,16 @@ class SteadyCycles:
         numbers: Array,
         layout: CycleNumbers,
     ) -> None:
-        """Compute cycles ahead of one, which has written `numbers`, if that can be."""
-        num_before = number - self.base.cycle.number
-        if num_before < _NUM_BEFORE or not self._has_ahead:
-            return
+        """Compute cycles ahead of one that wasn't known, if that can be and pays.
+
+        `numbers` are what it has written.
+        """
         ahead = self._ahead
-        if ahead is not None and ahead.find(number + 1, numbers) is not None:
+        is_used_up = ahead is not None and number == ahead.first + len(ahead.rows)
+        self._num_unknown += 1
+        if not self._has_ahead or not (is_used_up or self._num_unknown >= _NUM_BEFORE):
             return
+        self._num_unknown, num_before = 0, number - self.base.cycle.number
         end = number + 1 + min(_TIMES_AHEAD * num_before, _MOST_AHEAD)
         times = [find_time(later) for later in range(number + 1, end)]
         times = times[: bisect_left(times, self.until_ns)]

@@ -262,8 +262,8 @@ def test_what_is_known_ahead_ends_where_numbers_are_others(count: Count) -> None
     sim.advance_to(0.265)
 
     assert count.num_ahead == before
-    sim.advance_to(0.295)
-    assert count.num_ahead == before + 3
+    sim.advance_to(0.405)
+    assert count.num_ahead > before
 
 
 @pytest.mark.slow
