@@ -3,7 +3,7 @@
 import itertools
 import os
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from arm_drake.description.controllers import (
@@ -103,20 +103,23 @@ def _find_named(
 
 
 def _report_lost(
-    problems: Iterable[str],
+    problems: Collection[str],
     taken: Collection[Path],
     description: RobotDescription,
     packages: PackageFinder,
     report: LoadReport,
 ) -> None:
     """Report files of `<parameters>` tags that can't be read, and what others are."""
+    if not problems:
+        return
+    done = "its controllers are left out"
+    candidates = _candidates(description, packages)
+    others = [path for path in candidates if path.resolve() not in taken]
+    if others:
+        listed = ", ".join(map(str, others))
+        done += f"; --controllers FILE gives others; candidates: {listed}"
     for problem in problems:
-        what, done = f"<parameters>: {problem}", "its controllers are left out"
-        candidates = _candidates(description, packages)
-        others = [path for path in candidates if path.resolve() not in taken]
-        if others:
-            listed = ", ".join(map(str, others))
-            done += f"; --controllers FILE gives others; candidates: {listed}"
+        what = f"<parameters>: {problem}"
         report.add("error", "missing", what, done, file=description.file)
 
 

@@ -494,7 +494,7 @@ class QuietTicks:
         self._names = names
         self._base: ManagerState | None = None
         # What comes after the latest state in plain numbers, if anything does.
-        self.steady: SteadyCycles | None = None
+        self._steady: SteadyCycles | None = None
         self._offers_steady = True
         self._active: object = None
         self._asleep: object = None
@@ -518,12 +518,12 @@ class QuietTicks:
         """Return what comes after a state in plain numbers, if anything does."""
         if self._base is not base:
             found = self.controllers(base)
-            self._base, self.steady = base, None
+            self._base, self._steady = base, None
             if self._offers_steady:
-                self.steady = SteadyCycles.after(
+                self._steady = SteadyCycles.after(
                     base, found, self._claimants, self._drive, self.flags(base)
                 )
-        return self.steady
+        return self._steady
 
     def flags(self, state: ManagerState) -> list[float]:
         """Return 1 for each controller that is active, else 0."""
@@ -531,4 +531,4 @@ class QuietTicks:
 
     def remember(self, steady: SteadyCycles) -> None:
         """Remember what comes after a state."""
-        self._base, self.steady = steady.base, steady
+        self._base, self._steady = steady.base, steady

@@ -149,7 +149,7 @@ def compare(count: Count, monkeypatch: pytest.MonkeyPatch) -> None:
         if is_known:
             count.num_steady += 1
             count.num_ahead += 1
-            check(manager, context, manager._quiet.steady, numbers)
+            check(manager, context, manager._quiet._steady, numbers)
         return is_known
 
     monkeypatch.setattr(ControllerManager, "_go_on", tick_ahead)
