@@ -1,8 +1,12 @@
-"""Imports without the cyclic garbage collector."""
+"""Quick imports: without the garbage collector, with dataclasses of shared methods."""
 
 import contextlib
+import dataclasses as dc
 import gc
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from operator import attrgetter
+from reprlib import recursive_repr
+from typing import TYPE_CHECKING, Any
 
 
 @contextlib.contextmanager
@@ -30,3 +34,152 @@ def without_collection() -> Iterator[None]:
                 gc.freeze()
                 gc.unfreeze()
             gc.enable()
+
+
+def _frozen_dataclass(
+    cls: type,
+    /,
+    *,
+    init: bool = True,
+    repr: bool = True,
+    eq: bool = True,
+    kw_only: bool = False,
+) -> type:
+    """Make a frozen dataclass, of whose methods only `__init__` is compiled."""
+    if any(map(dc.is_dataclass, cls.__mro__[1:])):
+        make = dc.dataclass(init=init, repr=repr, eq=eq, kw_only=kw_only, frozen=True)
+        return make(cls)
+    dc.dataclass(init=False, repr=False, eq=False, kw_only=kw_only)(cls)
+    # Whoever derives from it by the standard library's decorator must do so frozen.
+    cls.__dataclass_params__.frozen = True  # type: ignore[attr-defined]
+    fields, methods = dc.fields(cls), dict[str, Any]()
+    if init:
+        methods["__init__"] = _init(cls, fields)
+    if repr:
+        methods["__repr__"] = _repr(fields)
+    if eq:
+        methods["__eq__"], methods["__hash__"] = _eq_and_hash(cls, fields)
+    methods["__setattr__"], methods["__delattr__"] = _refusals(cls, fields)
+    has_hash = cls.__dict__.get("__hash__") is not None
+    for name, method in methods.items():
+        if name not in cls.__dict__ or (name == "__hash__" and not has_hash):
+            if hasattr(method, "__qualname__"):
+                method.__qualname__ = f"{cls.__qualname__}.{name}"
+            setattr(cls, name, method)
+    return cls
+
+
+class _Factory:
+    """What stands for a value that is made anew for each object."""
+
+    def __repr__(self) -> str:
+        return "<factory>"
+
+
+_FACTORY = _Factory()
+
+
+def _init(cls: type, fields: tuple[dc.Field[Any], ...]) -> Callable[..., None]:
+    """Return the `__init__` of a dataclass."""
+    known: dict[str, Any] = {"_set": object.__setattr__, "_FACTORY": _FACTORY}
+    positional, keywords = list[str](), list[str]()
+    lines = []
+    for field in fields:
+        name, value, default = field.name, field.name, ""
+        if field.default_factory is not dc.MISSING:
+            known[f"_make_{name}"] = field.default_factory
+            value, default = f"_make_{name}()", "=_FACTORY"
+            if field.init:
+                value += f" if {name} is _FACTORY else {name}"
+        elif field.default is not dc.MISSING:
+            known[f"_default_{name}"], default = field.default, f"=_default_{name}"
+        if field.init:
+            (keywords if field.kw_only else positional).append(name + default)
+        if field.init or field.default_factory is not dc.MISSING:
+            lines.append(f" _set(self, {name!r}, {value})")
+    if hasattr(cls, "__post_init__"):
+        lines.append(" self.__post_init__()")
+    head = ", ".join(["self", *positional, *(["*", *keywords] if keywords else [])])
+    # As the standard library does; of a class there are names of fields alone in it.
+    exec("\n".join([f"def __init__({head}):", *lines, " return None"]), known)  # noqa: S102
+    init: Callable[..., None] = known["__init__"]
+    types = {field.name: field.type for field in fields if field.init}
+    init.__annotations__ = {**types, "return": None}
+    init.__module__ = cls.__module__
+    return init
+
+
+def _repr(fields: tuple[dc.Field[Any], ...]) -> Callable[[Any], str]:
+    names = [field.name for field in fields if field.repr]
+
+    @recursive_repr()
+    def __repr__(self: Any) -> str:
+        values = ", ".join(f"{name}={getattr(self, name)!r}" for name in names)
+        return f"{self.__class__.__qualname__}({values})"
+
+    return __repr__
+
+
+def _eq_and_hash(
+    cls: type, fields: tuple[dc.Field[Any], ...]
+) -> tuple[Callable[[Any, object], bool], Callable[[Any], int]]:
+    compared = [field for field in fields if field.compare]
+    values = _getter(compared)
+    hashed = _getter(
+        [
+            field
+            for field in fields
+            if (field.compare if field.hash is None else field.hash)
+        ]
+    )
+
+    def __eq__(self: Any, other: object) -> bool:
+        if other.__class__ is self.__class__:
+            return bool(values(self) == values(other))
+        return NotImplemented
+
+    def __hash__(self: Any) -> int:
+        return hash(hashed(self))
+
+    return __eq__, __hash__
+
+
+def _getter(fields: list[dc.Field[Any]]) -> Callable[[Any], tuple[Any, ...]]:
+    """Return what gives the values of fields, as a tuple."""
+    names = [field.name for field in fields]
+    if len(names) > 1:
+        return attrgetter(*names)
+    return lambda item: tuple(getattr(item, name) for name in names)
+
+
+def _refusals(
+    cls: Any, fields: tuple[dc.Field[Any], ...]
+) -> tuple[Callable[[Any, str, Any], None], Callable[[Any, str], None]]:
+    """Return the `__setattr__` and `__delattr__` of a frozen dataclass."""
+    names = frozenset(field.name for field in fields)
+
+    def __setattr__(self: Any, name: str, value: Any) -> None:
+        if type(self) is cls or name in names:
+            raise dc.FrozenInstanceError(f"cannot assign to field {name!r}")
+        super(cls, self).__setattr__(name, value)
+
+    def __delattr__(self: Any, name: str) -> None:
+        if type(self) is cls or name in names:
+            raise dc.FrozenInstanceError(f"cannot delete field {name!r}")
+        super(cls, self).__delattr__(name)
+
+    return __setattr__, __delattr__
+
+
+if TYPE_CHECKING:
+    from dataclasses import dataclass as dataclass
+else:
+
+    def dataclass(*, frozen: bool, **options: bool) -> Callable[[type], type]:
+        """As `dataclasses.dataclass`, for frozen classes, in half the time.
+
+        The standard library compiles six methods for each class, here it is one: 230
+        classes that are imported until a first step took 90 ms, and now take 40.
+        """
+        assert frozen
+        return lambda cls: _frozen_dataclass(cls, **options)

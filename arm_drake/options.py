@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from arm_drake.arrays import is_number
 from arm_drake.errors import InputError, check_known, suggest
+from arm_drake.importing import dataclass
 from arm_drake.output_files import IMAGE_FORMATS
 
 # A smaller step of the physics is a mistake [s].
@@ -50,7 +51,7 @@ _PRESETS: Mapping[str, _Preset] = {
 PRESETS = tuple(_PRESETS)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class SimulationOptions:
     """How a robot is simulated."""
 

@@ -30,6 +30,7 @@ from arm_drake import yaml_files
 from arm_drake.description.entry import EXAMPLE, bundled_motions, bundled_robots, is_xml
 from arm_drake.description.robot import Pose, Robot, list_robots
 from arm_drake.errors import InputError, suggest
+from arm_drake.importing import dataclass
 from arm_drake.loading import load_robot
 from arm_drake.messages import SwitchController
 from arm_drake.options import SimulationOptions
@@ -48,7 +49,7 @@ from arm_drake.worlds.things import COLORS, SHAPES, Thing, with_things
 from arm_drake.worlds.world import WORLDS, World, load_world
 
 
-@dc.dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False)
 class MotionOfSeveral(Motion):
     """Motions of several robots, each in its own time."""
 
@@ -65,7 +66,7 @@ class MotionOfSeveral(Motion):
         return heapq.merge(*timelines, key=lambda due: due[0])
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Scene:
     """What `load_scene` returns, and `build_diagram` takes in place of robots."""
 
@@ -347,7 +348,7 @@ def read_file(path: str | Path, read: "Callable[[Value], _T]", expected: str) ->
         raise InputError(error.problem, file=path, line=error.line) from None
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Value:
     """A value of a scene file or a study file, at its place."""
 

@@ -42,6 +42,7 @@ from arm_drake.batch.runs import (
     is_nested,
 )
 from arm_drake.errors import ArmDrakeError, InputError, suggest
+from arm_drake.importing import dataclass
 from arm_drake.simulation.simulation import Simulation
 
 
@@ -118,7 +119,7 @@ class Choice:
     why: str
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Work:
     """What is to be run."""
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from arm_drake.arrays import Array
 from arm_drake.errors import InputError, MissingExtraError, check_known, counted
+from arm_drake.importing import dataclass
 
 # An eigenvalue that is smaller is of what ends within a period.
 _ENDED = 1e-4
@@ -61,7 +62,7 @@ class Margins(NamedTuple):
     modulus: float
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class LinearModel:
     """The closed loop around a state: x[k+1] = A x[k] + B r[k] + E d[k], q[k] = C x[k].
 

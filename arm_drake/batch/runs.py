@@ -28,6 +28,7 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot, list_robots
 from arm_drake.diagram import build_diagram
 from arm_drake.errors import InputError, OutputError
+from arm_drake.importing import dataclass
 from arm_drake.loading import load_robot
 from arm_drake.messages import GoalStatus, Result
 from arm_drake.options import SimulationOptions
@@ -100,7 +101,7 @@ _FIELDS: dict[str, tuple[tuple[type, ...], str]] = {
 }
 
 
-@dc.dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Run:
     """One rollout, in words: a robot, a motion, and how to simulate.
 
@@ -172,7 +173,7 @@ class Run:
             raise InputError(f"duration must be at least 0 s, got {seconds!r}")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class GoalOutcome:
     """How a goal of a run ended."""
 
@@ -196,7 +197,7 @@ class GoalOutcome:
         )
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Outcome:
     """What is kept of a run by default."""
 
@@ -354,7 +355,7 @@ def _find_motion(run: Run, robot: Robot) -> Motion | None:
 Value = TypeVar("Value")
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Done:
     """A run that has ended, well or not."""
 
@@ -374,7 +375,7 @@ class Done:
     died: tuple[str, ...] = ()
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class RunResult(Generic[Value]):
     """What became of one run."""
 
@@ -412,7 +413,7 @@ class RunResult(Generic[Value]):
         return self.kept  # type: ignore[return-value]
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class RunResults(Sequence[RunResult[Value]]):
     """The results of all runs, in the order in which they were given."""
 

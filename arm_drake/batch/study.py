@@ -34,6 +34,7 @@ from arm_drake.batch.runs import Run
 from arm_drake.description.robot import Robot
 from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.hardware.noise_and_delay import check_noise
+from arm_drake.importing import dataclass
 from arm_drake.manager.hardware_interfaces import find_hardware_interfaces
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.payloads import check_link, read_payload
@@ -92,7 +93,7 @@ VARIED = (
 _MOST_RUNS = 10_000_000
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Study:
     """What `load_study` returns: its runs are for `run_many`."""
 

@@ -32,6 +32,7 @@ from arm_drake.description.robot import Robot
 from arm_drake.description.ros2_control import CLASSIC
 from arm_drake.diagram import build_diagram
 from arm_drake.errors import ArmDrakeError, InputError, suggest
+from arm_drake.importing import dataclass
 from arm_drake.messages import (
     Duration,
     JointTrajectory,
@@ -142,7 +143,7 @@ class Trace(NamedTuple):
         )
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Tuning:
     """What `tune_gains` has found."""
 

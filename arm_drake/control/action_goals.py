@@ -10,6 +10,7 @@ Source: realtime_tools, `RealtimeServerGoalHandle`, as ros2_controllers use it.
 
 import dataclasses as dc
 
+from arm_drake.importing import dataclass
 from arm_drake.messages import (
     CancelGoal,
     CancelResponse,
@@ -21,7 +22,7 @@ from arm_drake.messages import (
 )
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class ActiveGoal(Message):
     """A goal that was accepted and whose result isn't delivered yet."""
 

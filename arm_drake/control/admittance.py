@@ -7,13 +7,13 @@ of the centre of gravity of what the sensor carries, W that in which gravity poi
 along -z. Vectors of six are along, then about x, y and z.
 """
 
-import dataclasses as dc
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 
 from arm_drake.arrays import Array
+from arm_drake.importing import dataclass
 from arm_drake.messages import Message
 
 
@@ -75,7 +75,7 @@ class AdmittanceState(NamedTuple):
         return cls(*np.zeros((2, 6)), *np.zeros((3, n)), *np.zeros((2, 6)))
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class AdmittanceRule(Message):
     """How an arm gives way; arrays are of six values, but for the last one."""
 

@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
+from arm_drake.importing import dataclass
 from arm_drake.messages import Message
 
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class DriveMode(Message):
     """Which commands the n joints follow."""
 

@@ -23,6 +23,7 @@ import numpy as np
 
 from arm_drake.arrays import Array
 from arm_drake.errors import suggest
+from arm_drake.importing import dataclass
 
 
 class Limited(NamedTuple):
@@ -34,7 +35,7 @@ class Limited(NamedTuple):
     factor: float
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class RateLimiter:
     """Limits of a value; NaN is no limit.
 
@@ -184,7 +185,7 @@ class SmoothingFilter(ABC):
         """Return what comes out, shape (n,)."""
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class LowPassFilter(SmoothingFilter):
     """A low-pass filter of first order: y_k = b x_(k-1) + a y_(k-1).
 
@@ -222,7 +223,7 @@ class LowPassFilter(SmoothingFilter):
         return (1.0 - self.a) * last.sample + self.a * last.output
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ExponentialFilter(SmoothingFilter):
     """Exponential smoothing: y_k = alpha x_k + (1 - alpha) y_(k-1).
 
@@ -251,7 +252,7 @@ class LimiterState(NamedTuple):
     output: Array
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class RateLimiterFilter:
     """A `RateLimiter` whose last values are its own outputs.
 
@@ -314,7 +315,7 @@ class WindowState(NamedTuple):
     output: Array
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class WindowFilter(ABC):
     """Says something of the last samples, of fewer as long as there are no more."""
 
@@ -370,7 +371,7 @@ class TransferState(NamedTuple):
     output: Array
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class TransferFunctionFilter:
     """A digital filter, at rest before its first sample.
 
@@ -446,7 +447,7 @@ class ChainState(NamedTuple):
     output: Array
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class FilterChain:
     """Filters one after the other; none at all lets everything pass."""
 

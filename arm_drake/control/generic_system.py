@@ -25,6 +25,7 @@ from arm_drake.description.ros2_control import (
     InterfaceInfo,
 )
 from arm_drake.errors import ArmDrakeError, DescriptionError, suggest
+from arm_drake.importing import dataclass
 from arm_drake.interfaces import ACCELERATION, EFFORT, POSITION, VELOCITY
 from arm_drake.messages import Message
 
@@ -324,7 +325,7 @@ class GenericSystemState(Message):
     hidden: tuple[float, ...] = ()
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class GenericSystem:
     """A block of hardware that mirrors its commands; made by `from_component`.
 

@@ -12,11 +12,12 @@ and w of turning [rad/s] for a time dt [s]. Wheels have rates [rad/s], positions
 angles [rad].
 """
 
-import dataclasses as dc
 import itertools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple, Self
+
+from arm_drake.importing import dataclass
 
 
 class PlanarPose(NamedTuple):
@@ -156,7 +157,7 @@ class DiffDriveMotion(NamedTuple):
         return cls(((v0, w0), (v1, w1)), odometry)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class DiffDriveKinematics:
     """Measures of a base; left and right wheels may differ."""
 

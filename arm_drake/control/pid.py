@@ -10,7 +10,6 @@ Errors are in the unit of what is controlled, such as [rad] or [m]; a command is
 unit that the gains make of it.
 """
 
-import dataclasses as dc
 import math
 from collections.abc import Sequence
 from typing import Annotated, Any, Final, Literal, NamedTuple, Self
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 
 from arm_drake.arrays import Array, clamp
 from arm_drake.description.parameters import ParameterGroup, Rule, check_finite
+from arm_drake.importing import dataclass
 from arm_drake.messages import Message
 
 STRATEGIES: Final = ("none", "conditional_integration", "back_calculation", "legacy")
@@ -94,7 +94,7 @@ class PidState(NamedTuple):
     error_rate: Array
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Pid(Message):
     """Gains and limits of n PIDs, made by `from_gains`; arrays of shape (n,).
 
@@ -411,7 +411,7 @@ AntiwindupStrategy = Literal[
 ]
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class PidGains:
     """Gains and limits of one PID."""
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_drake.arrays import Array
+from arm_drake.importing import dataclass
 
 # Correlation of inertias above which joints push each other about.
 _COUPLED = 0.02
@@ -89,7 +90,7 @@ _CRUISING = 0.8
 _MUCH_FRICTION = 1.2
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class DynamicsSamples:
     """Dynamics of n joints at k configurations."""
 
@@ -118,7 +119,7 @@ class DynamicsSamples:
         return dc.replace(self, mass_matrix=mass_matrix)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class DriveLimits:
     """What the description allows n joints, infinite where it says nothing."""
 
@@ -140,7 +141,7 @@ class DriveLimits:
         return np.where(np.isfinite(self.velocity), self.velocity, speed)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ServoGains:
     """Numbers of the joint servo for n joints; step h, bandwidth w0. Shapes (n,)."""
 
@@ -350,7 +351,7 @@ def _follow_rate(
 _POLE = 0.2
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class FrictionGains:
     """Numbers of elastoplastic dry friction for n joints."""
 

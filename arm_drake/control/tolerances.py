@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from arm_drake.arrays import Array
 from arm_drake.errors import suggest
+from arm_drake.importing import dataclass
 from arm_drake.messages import FollowJointTrajectoryGoal, JointTolerance, Message
 
 Mask = NDArray[np.bool_]
@@ -29,7 +30,7 @@ _SAFE = 1.0 - 1e-9
 _FIELDS = ("position", "velocity", "acceleration")
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class StateTolerances(Message):
     """How far each joint's state may be off; arrays become read-only copies."""
 
@@ -78,7 +79,7 @@ class StateTolerances(Message):
         return self.is_position_only and sum(squares) <= self._safe_sum
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Tolerances(Message):
     """Tolerances of a trajectory."""
 

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_drake.arrays import Array
+from arm_drake.importing import dataclass
 from arm_drake.messages import (
     NANOSECONDS,
     Duration,
@@ -257,7 +258,7 @@ class Sample:
         return self
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Trajectory(Message):
     """A trajectory with its start state, prepared for sampling by `from_message`."""
 

@@ -4,7 +4,6 @@ Source: ros2_controllers, `admittance_controller` (version 6.9.0); the law itsel
 `arm_drake.control.admittance`.
 """
 
-import dataclasses as dc
 import sys
 from collections.abc import Collection
 from operator import attrgetter
@@ -40,6 +39,7 @@ from arm_drake.description.parameters import (
     check_within,
 )
 from arm_drake.errors import ParameterError, suggest
+from arm_drake.importing import dataclass
 from arm_drake.messages import (
     NANOSECONDS,
     AdmittanceControllerState,
@@ -65,7 +65,7 @@ _LARGEST = sys.float_info.max
 Interface = Literal["position", "velocity", "acceleration"]
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Kinematics:
     """Which chain of the robot it moves, by which solver."""
 
@@ -84,7 +84,7 @@ class Kinematics:
         check_at_least(self, 0.0, "alpha")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Frame:
     """A frame of the robot."""
 
@@ -95,14 +95,14 @@ class Frame:
     external: Annotated[bool, Rule(until="humble", is_harmless=True)] = False
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class InFrame:
     """Something that is given in a frame."""
 
     frame: Frame
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class FtSensor:
     """The force and torque sensor."""
 
@@ -118,7 +118,7 @@ class FtSensor:
         check_finite(self, "filter_coefficient")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class CoG:
     """The centre of gravity of what the sensor carries."""
 
@@ -132,7 +132,7 @@ class CoG:
         check_length(self, 3, "pos")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class GravityCompensation:
     """What the sensor carries."""
 
@@ -140,7 +140,7 @@ class GravityCompensation:
     CoG: CoG
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Admittance:
     """How it gives way along and about x, y and z: six values each."""
 
@@ -167,7 +167,7 @@ class Admittance:
         check_within(self, -_LARGEST, _LARGEST, "damping_ratio")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class AdmittanceControllerParameters:
     """Parameters of an AdmittanceController."""
 

@@ -14,6 +14,7 @@ from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import SensorBroadcaster
 from arm_drake.description.parameters import check_unique, check_within, per_element_of
 from arm_drake.errors import ParameterError
+from arm_drake.importing import dataclass
 from arm_drake.messages import Header
 from arm_drake.messages.sensors import BatteryState, BatteryStateArray, to_code
 
@@ -78,7 +79,7 @@ _UNKNOWN = BatteryState(
 )
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class BatteryInterfaces:
     """Which quantities of a battery are read, besides its voltage."""
 
@@ -91,14 +92,14 @@ class BatteryInterfaces:
     battery_present: bool = False
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class InterfacesByBattery:
     """Quantities by battery."""
 
     battery: dict[str, BatteryInterfaces] = per_element_of("batteries")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Battery:
     """What is known of a battery; NaN and "" are unknown."""
 
@@ -126,7 +127,7 @@ class Battery:
         return self.minimum_voltage, self.maximum_voltage
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class BatteryStateBroadcasterParameters:
     """Parameters of a BatteryStateBroadcaster."""
 

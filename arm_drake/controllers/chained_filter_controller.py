@@ -23,13 +23,14 @@ from arm_drake.description.parameters import (
     per_element_of,
 )
 from arm_drake.errors import ParameterError
+from arm_drake.importing import dataclass
 
 # Group of a chain's parameters, and the one that makes it hold for several inputs.
 _CHAIN = "filter_chain"
 _FIRST_NAME = "filter1.name"
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class InputFilters:
     """Filters of one input."""
 
@@ -37,7 +38,7 @@ class InputFilters:
     filter_chain: dict[str, Any] = dc.field(default_factory=dict)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ChainedFilterParameters:
     """Parameters of a ChainedFilter."""
 

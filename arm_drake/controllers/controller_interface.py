@@ -1,12 +1,11 @@
 """Base classes of all controllers: ticks, a life cycle, all state in the Context.
 
 In a cycle a ros2_control manager reads, updates and writes in one instant. Drake's
-events of one instant all see the old state, so what a tick computes is an output port
-of its own, `tick`: a cached function of the old state, the inputs and the time. The
-manager takes the commands there, and a controller further down a chain its references;
-an unrestricted update of the manager then stores it, for every update and every state
-has its price in Drake. Off the cycles `tick` is what was stored. A controller without a
-manager stores it itself.
+events of one instant all see the old state, so what a tick computes is an output port,
+`tick`: a cached function of old state, inputs and time. The manager takes the commands
+there, and a controller down a chain its references; its unrestricted update then stores
+it, for every update and every state has its price in Drake. Off the cycles `tick` is
+what was stored. A controller without a manager stores it itself.
 """
 
 import dataclasses as dc
@@ -38,6 +37,7 @@ from arm_drake.controllers.cycles import (
     UpdateResult,
 )
 from arm_drake.errors import InputError
+from arm_drake.importing import dataclass
 from arm_drake.messages import NANOSECONDS
 from arm_drake.python_system import PythonSystem
 from arm_drake.timing import cycle_at, has_rate
@@ -49,7 +49,7 @@ _ReadExports = Callable[[Context], Array]
 Look = Callable[[Context], Callable[[Cycle], Any]]
 
 
-@dc.dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class RobotInfo:
     """What controllers may know of a robot besides its interfaces."""
 
@@ -84,7 +84,7 @@ class RobotInfo:
     make_kinematics: Callable[[Sequence[str], str], ChainKinematics] | None = None
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ControllerInterfaceParams(RobotInfo):
     """What a controller is given besides its parameters."""
 

@@ -24,6 +24,7 @@ from arm_drake.controllers.cycles import SteadyTicks, UpdateResult
 from arm_drake.controllers.topics import SensorBroadcaster, SteadyBroadcast
 from arm_drake.description.parameters import ParameterGroup, Rule, check_not_empty
 from arm_drake.errors import ParameterError
+from arm_drake.importing import dataclass
 from arm_drake.interfaces import FORCES
 from arm_drake.messages import Header, Vector3, Wrench, WrenchStamped
 
@@ -42,7 +43,7 @@ _FILTER_PARAMETERS: Final = (
 )
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class AxisNames:
     """Full names of the interfaces along x, y and z; "" is none."""
 
@@ -51,7 +52,7 @@ class AxisNames:
     z: str = ""
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class InterfaceNames:
     """Full names of the interfaces of a wrench."""
 
@@ -59,7 +60,7 @@ class InterfaceNames:
     torque: AxisNames = AxisNames()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class AxisOffsets:
     """What is added along x, y and z."""
 
@@ -68,7 +69,7 @@ class AxisOffsets:
     z: float = 0.0
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Offset:
     """What is added to a measured wrench [N], [N·m]."""
 
@@ -76,7 +77,7 @@ class Offset:
     torque: AxisOffsets = AxisOffsets()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class AxisMultipliers:
     """Factors along x, y and z."""
 
@@ -85,7 +86,7 @@ class AxisMultipliers:
     z: float = 1.0
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Multiplier:
     """Factors of a wrench after its offset."""
 
@@ -93,7 +94,7 @@ class Multiplier:
     torque: AxisMultipliers = AxisMultipliers()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ForceTorqueSensorBroadcasterParameters:
     """Parameters of a ForceTorqueSensorBroadcaster."""
 

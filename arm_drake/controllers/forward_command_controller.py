@@ -6,7 +6,6 @@ Source: ros2_controllers, `forward_command_controller`, `position_controllers`,
 `velocity_controllers`, `effort_controllers` (version 6.9.0 and jazzy).
 """
 
-import dataclasses as dc
 import math
 from abc import abstractmethod
 from typing import Literal, NamedTuple
@@ -24,6 +23,7 @@ from arm_drake.controllers.cycles import (
 )
 from arm_drake.controllers.topics import Inbox, TopicController, latest_reason
 from arm_drake.description.parameters import check_not_empty, check_unique
+from arm_drake.importing import dataclass
 from arm_drake.messages import Float64MultiArray
 
 
@@ -128,7 +128,7 @@ class ForwardControllersBase(TopicController[ForwardCommandState]):
         return latest_reason(state.inbox)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class JointGroupControllerParameters:
     """Parameters of a JointGroup{Position,Velocity,Effort}Controller."""
 
@@ -140,7 +140,7 @@ class JointGroupControllerParameters:
         check_unique(self, "joints")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ForwardCommandControllerParameters(JointGroupControllerParameters):
     """Parameters of a ForwardCommandController."""
 
@@ -152,7 +152,7 @@ class ForwardCommandControllerParameters(JointGroupControllerParameters):
         check_not_empty(self, "interface_name")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class MultiInterfaceForwardCommandControllerParameters:
     """Parameters of a MultiInterfaceForwardCommandController."""
 

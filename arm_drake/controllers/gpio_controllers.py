@@ -3,7 +3,6 @@
 Source: ros2_controllers, `gpio_controllers` (version 6.9.0).
 """
 
-import dataclasses as dc
 from typing import NamedTuple
 
 import numpy as np
@@ -23,11 +22,12 @@ from arm_drake.description.parameters import (
     per_element_of,
 )
 from arm_drake.errors import ParameterError, suggest
+from arm_drake.importing import dataclass
 from arm_drake.messages import Header, InterfaceValue, Time
 from arm_drake.messages.control import DynamicInterfaceGroupValues
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class GpioInterfaces:
     """Interfaces of one GPIO."""
 
@@ -38,14 +38,14 @@ class GpioInterfaces:
         check_unique(self, "interfaces")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class InterfacesByGpio:
     """Interfaces by GPIO."""
 
     gpio: dict[str, GpioInterfaces] = per_element_of("gpios")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class GpioCommandControllerParameters:
     """Parameters of a GpioCommandController."""
 

@@ -46,6 +46,7 @@ from arm_drake.description.parameters import (
     check_not_empty,
     per_element_of,
 )
+from arm_drake.importing import dataclass
 from arm_drake.messages import (
     NANOSECONDS,
     ActionRequest,
@@ -66,7 +67,7 @@ from arm_drake.messages import (
 _INACTIVE = "the controller was never active; activate it first"
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class GripperActionControllerParameters:
     """Parameters of a GripperActionController that commands a position."""
 
@@ -102,7 +103,7 @@ class GripperActionControllerParameters:
         check_at_least(self, 0.0, "goal_tolerance", "max_effort")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class GripperPidGains:
     """PID of a gripper's joint."""
 
@@ -123,21 +124,21 @@ class GripperPidGains:
         check_at_least(self, 0.0, "i_clamp")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class GripperGains:
     """PIDs by joint."""
 
     joint: dict[str, GripperPidGains] = per_element_of("joint")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class EffortGripperActionControllerParameters(GripperActionControllerParameters):
     """Parameters of a GripperActionController that commands an effort."""
 
     gains: GripperGains = GripperGains()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ParallelGripperActionControllerParameters(GripperActionControllerParameters):
     """Parameters of a GripperActionController with limits of effort and velocity."""
 

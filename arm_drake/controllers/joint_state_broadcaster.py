@@ -3,7 +3,6 @@
 Source: ros2_controllers, `joint_state_broadcaster` (version 6.9.0, defaults of jazzy).
 """
 
-import dataclasses as dc
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -22,6 +21,7 @@ from arm_drake.controllers.controller_interface import (
 from arm_drake.controllers.cycles import Cycle, last_cycle
 from arm_drake.description.parameters import Rule
 from arm_drake.errors import ParameterError
+from arm_drake.importing import dataclass
 from arm_drake.messages import (
     DynamicJointState,
     Header,
@@ -37,7 +37,7 @@ Picker = Callable[[Sequence[float]], tuple[float, ...]]
 _JOINT_TYPES = ("continuous", "revolute", "prismatic")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class InterfaceMap:
     """Names of the interfaces that are published as positions, velocities, efforts."""
 
@@ -46,7 +46,7 @@ class InterfaceMap:
     effort: str = "effort"
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class JointStateBroadcasterParameters:
     """Parameters of a JointStateBroadcaster."""
 

@@ -3,7 +3,6 @@
 Source: ros2_control_demos, example_12 (branch ``master``).
 """
 
-import dataclasses as dc
 import math
 from typing import NamedTuple
 
@@ -19,10 +18,11 @@ from arm_drake.controllers.cycles import (
 )
 from arm_drake.controllers.topics import CHAINED, Inbox, TopicController
 from arm_drake.description.parameters import check_not_empty, check_unique
+from arm_drake.importing import dataclass
 from arm_drake.messages import Float64MultiArray
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class PassthroughControllerParameters:
     """Parameters of a PassthroughController."""
 

@@ -7,7 +7,6 @@ first. Upstream takes a message's values in the order in which they come, whatev
 names are; here the names count.
 """
 
-import dataclasses as dc
 import math
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any, NamedTuple, Self
@@ -46,6 +45,7 @@ from arm_drake.description.parameters import (
     check_unique,
     per_element_of,
 )
+from arm_drake.importing import dataclass
 from arm_drake.messages import (
     NANOSECONDS,
     Header,
@@ -57,7 +57,7 @@ from arm_drake.messages import (
 from arm_drake.messages.base import make_lazy
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class DofGains(PidGains):
     """PID of one degree of freedom."""
 
@@ -83,14 +83,14 @@ class DofGains(PidGains):
         adapt_saturation(params)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class PidControllerGains:
     """PIDs by degree of freedom."""
 
     dof: dict[str, DofGains] = per_element_of("dof_names")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class PidControllerParameters:
     """Parameters of a PidController."""
 
@@ -161,7 +161,7 @@ class PidControlState(NamedTuple):
     output: Array
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PidControl(Message):
     """The rules of n degrees of freedom, made by `from_gains`."""
 

@@ -6,7 +6,6 @@ Sources: ros2_controllers (version 6.9.0), `imu_sensor_broadcaster`,
 `vda5050_safety_state_broadcaster`.
 """
 
-import dataclasses as dc
 import math
 from collections.abc import Sequence
 from typing import Annotated, ClassVar, NamedTuple
@@ -26,6 +25,7 @@ from arm_drake.description.parameters import (
     check_not_empty,
 )
 from arm_drake.errors import ParameterError
+from arm_drake.importing import dataclass
 from arm_drake.interfaces import ACCELERATIONS, ORIENTATIONS, POSITIONS, RATES
 from arm_drake.messages import (
     Header,
@@ -51,7 +51,7 @@ from arm_drake.messages.sensors import (
 )
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class SensorParameters:
     """Parameters that broadcasters of one sensor have."""
 
@@ -65,7 +65,7 @@ class SensorParameters:
         check_not_empty(self, "sensor_name", "frame_id")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class RotationOffset:
     """Rotation from the sensor's frame to the published one [rad]."""
 
@@ -74,7 +74,7 @@ class RotationOffset:
     yaw: float = 0.0
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class IMUSensorBroadcasterParameters(SensorParameters):
     """Parameters of an IMUSensorBroadcaster."""
 
@@ -180,7 +180,7 @@ def multiply(left: Array, right: DrakeQuaternion) -> Array:
     return np.append(w * u + s * v + np.cross(v, u), w * s - v @ u)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class RangeSensorBroadcasterParameters(SensorParameters):
     """Parameters of a RangeSensorBroadcaster."""
 
@@ -228,7 +228,7 @@ class RangeSensorBroadcaster(SensorBroadcaster[Range]):
 _NORM_TOLERANCE = 10e-3
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class PoseTf:
     """What goes to /tf."""
 
@@ -238,7 +238,7 @@ class PoseTf:
     child_frame_id: str = ""
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class PoseBroadcasterParameters:
     """Parameters of a PoseBroadcaster."""
 
@@ -350,7 +350,7 @@ _KNOWN = 3
 _UNKNOWN = NavSatStatus()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class GPSSensorBroadcasterParameters(SensorParameters):
     """Parameters of a GPSSensorBroadcaster."""
 
@@ -417,7 +417,7 @@ class GPSSensorBroadcaster(SensorBroadcaster[NavSatFix]):
         )
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class MagnetometerBroadcasterParameters(SensorParameters):
     """Parameters of a MagnetometerBroadcaster."""
 
@@ -448,7 +448,7 @@ class MagnetometerBroadcaster(SensorBroadcaster[MagneticField]):
         return MagneticField(header, field, self._parameters.static_covariance)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class StateInterfacesBroadcasterParameters:
     """Parameters of a StateInterfacesBroadcaster."""
 
@@ -511,7 +511,7 @@ _OLDER = {
 }
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class EStopInterfaces:
     """Full names of interfaces that tell emergency stops, by how they end."""
 
@@ -520,7 +520,7 @@ class EStopInterfaces:
     autoack: tuple[str, ...] = ()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class SafetyInterfaces:
     """Full names of the interfaces to read."""
 
@@ -530,7 +530,7 @@ class SafetyInterfaces:
     e_stop: EStopInterfaces = EStopInterfaces()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Vda5050SafetyStateBroadcasterParameters:
     """Parameters of a Vda5050SafetyStateBroadcaster."""
 

@@ -50,9 +50,10 @@ from arm_drake.description.links import (
 )
 from arm_drake.description.report import LoadReport
 from arm_drake.description.urdf import RobotDescription, total_mass
+from arm_drake.importing import dataclass
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class MobileBase:
     """A base as one controller drives it."""
 
@@ -265,7 +266,7 @@ _PARALLEL = 0.5
 _SAME_DIRECTION = 0.999
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Axle:
     """Where a wheel turns against the link that it is part of."""
 
@@ -310,7 +311,7 @@ def find_axles(
     return free + [axle for name in driven for axle in tree.differential(name)]
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class _Tree:
     """Finds the wheels of a robot that lack an axle."""
 
@@ -474,7 +475,7 @@ _THICKNESS: Final = 0.25
 _FEWEST_ROLLERS: Final = 3
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Rollers:
     """The rollers of a wheel."""
 

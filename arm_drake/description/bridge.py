@@ -4,7 +4,6 @@ Source: ros_gz, branch ros2, ros_gz_bridge (README.md, src/bridge_config.cpp,
 ros_gz_bridge/mappings.py); older names are those of ros_ign_bridge.
 """
 
-import dataclasses as dc
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -20,6 +19,7 @@ from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import suggest
+from arm_drake.importing import dataclass
 
 Direction = Literal["ROS_TO_GZ", "GZ_TO_ROS", "BIDIRECTIONAL"]
 
@@ -70,7 +70,7 @@ _MENTIONS = re.compile(rf"\b({'|'.join((*_NAMES, *_TYPE_NAMES))})\b")
 _LEFT_OUT = "the entry is left out"
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class TopicAlias:
     """A topic of ROS that a bridge connects with one of Gazebo."""
 
@@ -166,7 +166,7 @@ class _InvalidEntryError(ValueError):
         self.node = node
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class _Bridge:
     """Makes aliases of the entries of one file."""
 

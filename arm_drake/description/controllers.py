@@ -17,6 +17,7 @@ from arm_drake.description.parameters import Parameter, Parameters, load_paramet
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.description.ros_parameters import ParameterReader, Section
 from arm_drake.errors import PackageError, ParameterError, find_close, suggest
+from arm_drake.importing import dataclass
 
 DEFAULT_UPDATE_RATE = 100  # Hz
 MAX_UPDATE_RATE = 10_000  # Hz
@@ -49,7 +50,7 @@ _SHUTDOWN = "hardware_components_initial_state.shutdown_on_initial_state_failure
 _NO_EFFECT = "it has no effect"
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class HardwareComponentsInitialState:
     """In which state the blocks of `<ros2_control>` start, by their names."""
 
@@ -64,7 +65,7 @@ class HardwareComponentsInitialState:
     active: tuple[str, ...] = ()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ControllerManagerParameters:
     """The parameters of a controller manager that have an effect."""
 
@@ -80,14 +81,14 @@ class ControllerManagerParameters:
     )
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class _InitialState:
     unconfigured: tuple[str, ...] = ()
     inactive: tuple[str, ...] = ()
     shutdown_on_initial_state_failure: bool = False
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class _Schema:
     update_rate: int = DEFAULT_UPDATE_RATE
     enforce_command_limits: bool = True
@@ -296,7 +297,7 @@ def merge(sections: Iterable[Section]) -> dict[str, Parameter]:
 _IDLE = "the controller does not run"
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ControllerConfig:
     """A controller as its YAML configures it."""
 
@@ -326,7 +327,7 @@ class ControllerConfig:
     plugin_joints: frozenset[str] = frozenset()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ControllerManagerConfig:
     """A controller manager and its controllers, in the order of the manager's list."""
 

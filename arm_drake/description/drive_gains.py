@@ -39,6 +39,7 @@ from arm_drake.description.ros2_control import (
 )
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import ParameterError, suggest
+from arm_drake.importing import dataclass
 from arm_drake.interfaces import POSITION, VELOCITY
 
 GAZEBO_SIM = "Gazebo Sim"
@@ -176,7 +177,7 @@ _OWN = "the joint servo has its own gains"
 _UNSET = "taken as not given"
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class DriveGains:
     """How the description says that a joint is driven; None where it says nothing."""
 

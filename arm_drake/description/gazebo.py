@@ -38,6 +38,7 @@ from arm_drake.description.gazebo_plugins import (
 )
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import MISSPELT, find_close, suggest
+from arm_drake.importing import dataclass
 
 # Libraries, without "lib" and ".so".
 _ROS2_CONTROL = re.compile(r"gazebo_ros2_control|(ign|gz)_ros2_control-system")
@@ -71,7 +72,7 @@ _PERCEPTION = (
 )
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class GazeboPlugin:
     """A `<plugin>` tag below `<gazebo>`."""
 

@@ -25,6 +25,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from arm_drake.importing import dataclass
+
 
 def tags(*names: str, default: Any = ()) -> Any:
     """Return a field that is read from these tags instead of the one of its name."""
@@ -36,7 +38,7 @@ def joint_tags(*names: str, default: tuple[str, ...] = ()) -> Any:
     return dc.field(default=default, metadata={"tags": names, "joints": True})
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class JointPlugin:
     """A plugin that moves or reports joints.
 
@@ -66,7 +68,7 @@ class JointPlugin:
         return True
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Ros2ControlPlugin(JointPlugin):
     """Runs the controller manager inside Gazebo."""
 
@@ -102,7 +104,7 @@ class Ros2ControlPlugin(JointPlugin):
         return "_".join(filter(None, (prefix, name)))
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class JointPositionController(JointPlugin):
     """Holds joints at a commanded position, by the force of a PID controller."""
 
@@ -134,7 +136,7 @@ class JointPositionController(JointPlugin):
     actuator_number: int = tags("actuator_number", "actuatorNumber", default=0)
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class JointController(JointPlugin):
     """Moves joints at a commanded velocity."""
 
@@ -168,7 +170,7 @@ class JointController(JointPlugin):
     actuator_number: int = tags("actuator_number", "actuatorNumber", default=0)
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ApplyJointForce(JointPlugin):
     """Pushes a joint by the force of "/model/<model>/joint/<joint>/cmd_force"."""
 
@@ -176,7 +178,7 @@ class ApplyJointForce(JointPlugin):
     joint_names: tuple[str, ...] = joint_tags("joint_name")
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class JointTrajectoryController(JointPlugin):
     """Moves joints along trajectories, by the forces of PID controllers.
 
@@ -214,7 +216,7 @@ class JointTrajectoryController(JointPlugin):
     topic: str = ""
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class JointStatePublisher(JointPlugin):
     """Publishes the states of joints in every step."""
 
@@ -225,7 +227,7 @@ class JointStatePublisher(JointPlugin):
     topic: str = ""
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False, init=False)
+@dataclass(frozen=True, eq=False, repr=False, init=False)
 class BaseHolder(JointPlugin):
     """A plugin that sets the velocity of the robot's base, whatever it takes."""
 
@@ -233,7 +235,7 @@ class BaseHolder(JointPlugin):
     base_link: str = dc.field(default="", kw_only=True, metadata={"tags": ()})
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class VelocityControl(BaseHolder):
     """Sets the velocity of the robot's base in every step."""
 
@@ -248,7 +250,7 @@ class VelocityControl(BaseHolder):
     link_names: tuple[str, ...] = tags("link_name")
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False, init=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, init=False, kw_only=True)
 class ClassicBase(JointPlugin):
     """What Gazebo Classic's plugins that move bases have in common."""
 
@@ -270,7 +272,7 @@ class ClassicBase(JointPlugin):
     base_link: str = tags(default="")
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class GazeboRosPlanarMove(ClassicBase, BaseHolder):
     """Sets the velocity of the robot's base by "cmd_vel", in Gazebo Classic."""
 
@@ -282,7 +284,7 @@ class GazeboRosPlanarMove(ClassicBase, BaseHolder):
     publish_odom_tf: bool = True
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class OdometryPublisher(JointPlugin):
     """Publishes where the robot really is."""
 
@@ -314,7 +316,7 @@ class OdometryPublisher(JointPlugin):
     base_link: str = tags(default="")
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class GazeboRosJointStatePublisher(JointPlugin):
     """Publishes the states of joints on "joint_states", in Gazebo Classic."""
 
@@ -327,7 +329,7 @@ class GazeboRosJointStatePublisher(JointPlugin):
     remappings: tuple[str, ...] = tags("ros/remapping", "ros/argument")
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class GazeboRosJointPoseTrajectory(JointPlugin):
     """Sets joints to the points of "set_joint_trajectory", in Gazebo Classic."""
 
@@ -338,7 +340,7 @@ class GazeboRosJointPoseTrajectory(JointPlugin):
     remappings: tuple[str, ...] = tags("ros/remapping", "ros/argument")
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False, init=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, init=False, kw_only=True)
 class WheelDrive(JointPlugin):
     """What Gazebo Sim's plugins that drive bases on wheels have in common."""
 
@@ -380,7 +382,7 @@ class WheelDrive(JointPlugin):
         return ()
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False, init=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, init=False, kw_only=True)
 class LimitedDrive(WheelDrive):
     """One that has limits of linear and of turning speed; NaN is the limit of both."""
 
@@ -398,7 +400,7 @@ class LimitedDrive(WheelDrive):
     max_angular_jerk: float = math.nan
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DiffDrive(LimitedDrive):
     """Drives wheels on two sides by velocity commands."""
 
@@ -411,7 +413,7 @@ class DiffDrive(LimitedDrive):
         return (*self.left_joints, *self.right_joints)
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class MecanumDrive(LimitedDrive):
     """Drives mecanum wheels at four corners by velocity commands."""
 
@@ -435,7 +437,7 @@ class MecanumDrive(LimitedDrive):
         return tuple(joint for corner in self.corners for joint in corner)
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class AckermannSteering(WheelDrive):
     """Drives wheels by velocity commands, and steers two by their angles."""
 
@@ -497,7 +499,7 @@ class AckermannSteering(WheelDrive):
         return not (is_of_wheels and self.is_steering_alone)
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False, init=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, init=False, kw_only=True)
 class ClassicDrive(ClassicBase):
     """One that turns wheels."""
 
@@ -507,7 +509,7 @@ class ClassicDrive(ClassicBase):
     wheel_links: tuple[tuple[str, str], ...] = tags()
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class GazeboRosDiffDrive(ClassicDrive):
     """Drives pairs of wheels by "cmd_vel", in Gazebo Classic.
 
@@ -562,7 +564,7 @@ def _named_joint(name: str) -> Any:
     return joint_tags(name, default=(name,))
 
 
-@dc.dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class GazeboRosAckermannDrive(ClassicDrive):
     """Drives rear wheels and steers by the forces of PIDs, in Gazebo Classic."""
 
@@ -638,7 +640,7 @@ KINDS: Mapping[str, type[JointPlugin]] = {
 }
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ContactSensorTag:
     """A contact sensor."""
 
@@ -662,7 +664,7 @@ class ContactSensorTag:
     remappings: tuple[str, ...] = ()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Noise:
     """Gaussian noise of a sensor, in its unit; a camera's is of colours from 0 to 1."""
 
@@ -682,7 +684,7 @@ class Noise:
     dynamic_bias_correlation_time: float = 0.0
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ImuSensorTag:
     """An inertial measurement unit."""
 

@@ -24,6 +24,7 @@ from arm_drake.description.gazebo_plugins import ImuSensorTag, Noise
 from arm_drake.description.joints import WORLD, JointInfo
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import suggest
+from arm_drake.importing import dataclass
 
 # x, y, z [m], roll, pitch, yaw [rad].
 Pose = tuple[float, float, float, float, float, float]
@@ -46,7 +47,7 @@ _UNSIMULATED: Final = (
 )
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class GazeboSensor:
     """A `<sensor>` tag below `<gazebo>`."""
 

@@ -27,6 +27,7 @@ from arm_drake.description.links import (
 )
 from arm_drake.description.report import LoadReport, Severity
 from arm_drake.errors import quoted
+from arm_drake.importing import dataclass
 
 # Other volumes [m^3] are those of no body.
 _VOLUMES = (1e-50, 1e50)
@@ -38,7 +39,7 @@ _STAND_INS = {
 }
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Inertial:
     """What a body weighs, in some frame; here of density 1."""
 
@@ -207,7 +208,7 @@ def _mesh_solid(filename: str) -> Inertial | None:
     return box(upper - lower).moved(turn, turn @ (lower + upper) / 2.0)
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Body:
     """Links that move as one."""
 

@@ -16,6 +16,7 @@ from arm_drake.description.joints import JointInfo
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros2_control import ComponentInfo, InterfaceInfo
 from arm_drake.description.urdf import RobotDescription
+from arm_drake.importing import dataclass
 from arm_drake.interfaces import ACCELERATION, EFFORT, POSITION, VELOCITY
 
 _JERK = "jerk"
@@ -33,7 +34,7 @@ _MAXIMA = (
 Range = tuple[float, float]
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class JointLimits:
     """Limits of a joint that commands are held to; None where there is none.
 
@@ -73,7 +74,7 @@ class JointLimits:
         object.__setattr__(self, "position_range", found if has_range else None)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class SoftJointLimits:
     """What slows a joint down before its limits; None where nothing is said.
 

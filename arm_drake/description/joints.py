@@ -33,6 +33,7 @@ from arm_drake.description.links import (
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros2_control import ComponentInfo, HardwareInfo
 from arm_drake.errors import DescriptionError, suggest
+from arm_drake.importing import dataclass
 
 MOVABLE_TYPES = ("revolute", "continuous", "prismatic")
 # They have several degrees of freedom: no interface of ros2_control is for them.
@@ -56,7 +57,7 @@ _SHORTEST_AXIS = math.sqrt(math.ulp(1.0))
 _BESIDE = 1e-3
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class JointLimits:
     """`<limit>` of a joint; None where there is none.
 
@@ -80,7 +81,7 @@ class JointLimits:
         return -math.inf if low is None else low, math.inf if high is None else high
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Mimic:
     """`<mimic>`: position = multiplier * position of ``joint`` + offset."""
 
@@ -89,7 +90,7 @@ class Mimic:
     offset: float = 0.0
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class SafetyController:
     """`<safety_controller>` of a joint; the lower and upper limit as urdfdom has them.
 
@@ -107,7 +108,7 @@ class SafetyController:
     k_velocity: float | None = None
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class JointInfo:
     """A joint of a robot."""
 

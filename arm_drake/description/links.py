@@ -26,6 +26,7 @@ from arm_drake.description.meshes.conversion import (
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import DescriptionError, PackageError
+from arm_drake.importing import dataclass
 
 Vector = tuple[float, float, float]
 
@@ -42,7 +43,7 @@ _DRAKE = "http://drake.mit.edu"
 _LARGEST = 1e15
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Origin:
     """`<origin>` of a part in its link, or of a joint in its parent link."""
 
@@ -70,7 +71,7 @@ class Origin:
         return np.array(self.xyz)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Geometry:
     """What is in a `<geometry>`; of its fields those that its type has."""
 
@@ -92,7 +93,7 @@ class Geometry:
     source_scale: Vector = (1.0, 1.0, 1.0)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ShapeInfo:
     """A `<visual>` or a `<collision>` of a link."""
 
@@ -113,7 +114,7 @@ class ShapeInfo:
         return self.geometry.radius if is_round else 0.0
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class InertialInfo:
     """`<inertial>` of a link; as it is read, what it lacks is nan."""
 
@@ -138,7 +139,7 @@ class InertialInfo:
         return dc.replace(self, moments=(xx, xy, xz, yy, yz, zz))
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class LinkInfo:
     """A link of a robot, as it is simulated."""
 
@@ -346,7 +347,7 @@ def _mean_color(
     return red, green, blue, 1.0
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class _ShapeReader:
     """Reads what is drawn and what collides."""
 

@@ -25,12 +25,13 @@ from typing import Any, NoReturn
 
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.errors import ParameterError, did_you_mean, find_close
+from arm_drake.importing import dataclass
 
 # Distributions with rules of their own, the oldest first.
 DISTROS = ("humble", "jazzy", "kilted", "rolling")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Parameter:
     """A value and the place where it was written."""
 
@@ -209,7 +210,7 @@ T = typing.TypeVar("T")
 _OF_THREADS = ("is_async", "thread_priority", "async_parameters")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Rule:
     """What is to say of a parameter besides its type and its default."""
 

@@ -39,6 +39,7 @@ from arm_drake.description.gazebo_sensors import (
 from arm_drake.description.joints import JointInfo
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import suggest
+from arm_drake.importing import dataclass
 
 CameraKind = Literal["color", "depth", "rgbd", "segmentation"]
 
@@ -100,7 +101,7 @@ _MOST_RAYS: Final = 10_000_000
 USUAL_RATE: Final = 30.0
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class PerceptionSensor:
     """What cameras and lidars have in common."""
 
@@ -133,7 +134,7 @@ class PerceptionSensor:
     group: str = ""
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class CameraSensor(PerceptionSensor):
     """A camera: a pinhole without a shutter."""
 
@@ -209,7 +210,7 @@ class CameraSensor(PerceptionSensor):
         return self.kind in ("depth", "rgbd")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ScanAxis:
     """Directions of rays about one axis."""
 
@@ -228,7 +229,7 @@ class ScanAxis:
         return max(1, round(self.samples * self.resolution))
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class LidarSensor(PerceptionSensor):
     """A lidar: rays about the z axis, and about the y axis."""
 

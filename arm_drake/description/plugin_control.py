@@ -51,6 +51,7 @@ from arm_drake.description.parameters import Parameter
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros2_control import HardwareInfo
 from arm_drake.description.urdf import RobotDescription, total_mass
+from arm_drake.importing import dataclass
 from arm_drake.options import GRAVITY
 
 OneOfJoints: TypeAlias = (
@@ -184,7 +185,7 @@ def find_carrier(
     return joint.name
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class PluginSorter:
     """Decides which plugin moves which joint."""
 

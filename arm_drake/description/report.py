@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from arm_drake.errors import Located, first_names
+from arm_drake.importing import dataclass
 
 Severity = Literal["info", "warning", "error"]
 # The order in which people read them.
@@ -25,7 +26,7 @@ _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(\.\d*)?(e[-+]?\d+)?(?!\w)")
 Kind = Literal["repair", "ignored", "unsupported", "missing", "invalid"]
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ReportEntry:
     """One thing that was not taken as written."""
 

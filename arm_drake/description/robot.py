@@ -16,6 +16,7 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.sensors import SensorInfo
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import InputError
+from arm_drake.importing import dataclass
 
 if TYPE_CHECKING:
     import arm_drake
@@ -85,7 +86,7 @@ def _package_at(folder: str) -> str | None:
 Pose = tuple[float, float, float, float, float, float]
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Robot:
     """A robot as loaded: what it is, how it is controlled, and what was mended."""
 

@@ -21,9 +21,10 @@ from arm_drake.description.elements import (
 )
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import MISSPELT, did_you_mean, quoted, suggest
+from arm_drake.importing import dataclass
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class InterfaceInfo:
     """A command or state interface of a component."""
 
@@ -48,7 +49,7 @@ class InterfaceInfo:
     enable_limits: bool = True
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class PidGains:
     """Gains that `gazebo_ros2_control/GazeboSystem` gives a joint.
 
@@ -63,7 +64,7 @@ class PidGains:
     min_integral_error: float = -math.inf
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ComponentInfo:
     """A `<joint>`, `<sensor>` or `<gpio>` of a hardware block."""
 
@@ -85,7 +86,7 @@ class ComponentInfo:
     velocity_pid: PidGains | None = None
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class TransmissionJointInfo:
     """A `<joint>` of a transmission."""
 
@@ -106,7 +107,7 @@ class ActuatorInfo(TransmissionJointInfo):
     """An `<actuator>` of a transmission."""
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class TransmissionInfo:
     """A `<transmission>` of a hardware block."""
 
@@ -120,7 +121,7 @@ class TransmissionInfo:
     parameters: dict[str, str] = dc.field(default_factory=dict)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class HardwareInfo:
     """A `<ros2_control>` block."""
 

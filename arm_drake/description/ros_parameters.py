@@ -25,6 +25,7 @@ from arm_drake.description.packages import PackageFinder
 from arm_drake.description.parameters import Parameter
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import PackageError, ParameterError, find_close
+from arm_drake.importing import dataclass
 
 _TRUE = ("Y", "y", "yes", "Yes", "YES", "true", "True", "TRUE", "on", "On", "ON")
 _FALSE = ("N", "n", "no", "No", "NO", "false", "False", "FALSE", "off", "Off", "OFF")
@@ -301,7 +302,7 @@ _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = 80
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Section:
     """The parameters under one node key."""
 

@@ -33,6 +33,7 @@ from arm_drake.description.report import LoadReport, Severity
 from arm_drake.description.ros2_control import ComponentInfo
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import suggest
+from arm_drake.importing import dataclass
 
 Pose = tuple[float, float, float, float, float, float]
 
@@ -55,7 +56,7 @@ _ENDINGS = ("", "_link", "_frame")
 _STORED = "its states keep their initial values"
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class SensorInfo:
     """A sensor that measures something of the physics."""
 
@@ -121,7 +122,7 @@ class _Place(NamedTuple):
         return f"{self.source} names no link: {self.link!r}"
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class _Places:
     """Finds out where sensors are."""
 

@@ -1,6 +1,5 @@
 """MoveIt's SRDF: groups of joints, disabled collisions and named positions."""
 
-import dataclasses as dc
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -10,6 +9,7 @@ from arm_drake.description.joints import joints_above
 from arm_drake.description.report import LoadReport, Severity
 from arm_drake.description.robot import Robot
 from arm_drake.errors import quoted
+from arm_drake.importing import dataclass
 
 Pairs = frozenset[tuple[str, str]]
 
@@ -17,7 +17,7 @@ Pairs = frozenset[tuple[str, str]]
 _LEFT_OUT = "it is left out"
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class GroupState:
     """Positions with a name, of a group of joints."""
 
@@ -34,7 +34,7 @@ class GroupState:
         return f"{self.group}: {self.name}"
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class GroupInfo:
     """A `<group>`: joints that are planned for together."""
 

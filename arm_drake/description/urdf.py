@@ -59,6 +59,7 @@ from arm_drake.errors import (
     find_close,
     suggest,
 )
+from arm_drake.importing import dataclass
 
 if TYPE_CHECKING:
     from arm_drake.description.perception_sensors import PerceptionSensor
@@ -77,7 +78,7 @@ _MOST_MOVABLE_JOINTS = 1000
 _MOVEIT = "moveit_config"
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class RobotDescription:
     """A robot as its files describe it."""
 

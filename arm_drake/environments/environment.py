@@ -4,7 +4,6 @@ The interface is that of `gymnasium.Env`; `ReachTask` is the Doosan tutorial's: 
 of the arm comes to a sphere somewhere in its reach.
 """
 
-import dataclasses as dc
 import inspect
 import math
 import time
@@ -32,6 +31,7 @@ from arm_drake.description.entry import Source
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
 from arm_drake.errors import InputError, SimulationError, check_known, quoted, suggest
+from arm_drake.importing import dataclass
 from arm_drake.loading import load_robot
 from arm_drake.messages import Duration, JointTrajectory, JointTrajectoryPoint
 from arm_drake.options import SimulationOptions
@@ -211,7 +211,7 @@ class ReachTask(Task):
         return [TaskShape(sphere, RigidTransform(self.goal), Rgba(0.1, 0.7, 0.2, 1.0))]
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class _Actuation:
     """The controller that takes actions, and what they mean."""
 

@@ -28,6 +28,7 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.urdf import RobotDescription, reach, total_mass
 from arm_drake.hardware.servo import DrivePid
+from arm_drake.importing import dataclass
 from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.manager.loaded_controllers import (
     LoadedController,
@@ -78,7 +79,7 @@ def effort_limits(joints: Sequence[JointInfo]) -> list[float]:
     return [math.inf if (e := joint.limits.effort) is None else e for joint in joints]
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class RobotDrive:
     """What drives a robot's n commanded joints."""
 

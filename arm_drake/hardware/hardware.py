@@ -23,13 +23,14 @@ from arm_drake.hardware.drives import RobotDrive, add_rotors
 from arm_drake.hardware.joint_friction import make_robot_friction
 from arm_drake.hardware.servo import make_joint_servo, make_push
 from arm_drake.hardware.wiring import Wiring
+from arm_drake.importing import dataclass
 from arm_drake.interfaces import IMU as IMU_INTERFACES
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.plant import state_indices
 from arm_drake.plant.sensor_readings import ContactReadings, SensorReadings
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Hardware:
     """What the rest of a diagram needs of a robot's hardware."""
 

@@ -1,6 +1,5 @@
 """Robots on wheels in the plant: their wheels, their true motion, and the ground."""
 
-import dataclasses as dc
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -41,6 +40,7 @@ from arm_drake.description.joints import joints_above
 from arm_drake.description.report import LoadReport, Severity
 from arm_drake.description.robot import Robot
 from arm_drake.description.urdf import RobotDescription
+from arm_drake.importing import dataclass
 from arm_drake.manager.loaded_controllers import LoadedController
 from arm_drake.messages import (
     NANOSECONDS,
@@ -540,7 +540,7 @@ def _is_sprung(robot: Robot, joint: str, base: str) -> bool:
     return False
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class RobotBases:
     """The bases of a robot, and what its plant has besides what is described."""
 

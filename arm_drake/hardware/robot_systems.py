@@ -16,6 +16,7 @@ from arm_drake.description.robot import Robot
 from arm_drake.hardware.drives import make_command_limits
 from arm_drake.hardware.hardware import Hardware
 from arm_drake.hardware.wiring import Wiring
+from arm_drake.importing import dataclass
 from arm_drake.manager import (
     MANAGER,
     NUMBERS_PORT,
@@ -40,7 +41,7 @@ from arm_drake.plant.kinematics import LinkFrames
 from arm_drake.timing import fit_period, has_rate
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class RobotSystems:
     """Adds the systems of one robot to a builder, and exports their ports."""
 

@@ -59,7 +59,6 @@ effort    n         N·m         what the actuators apply, within the effort lim
 ========  ========  ==========  ======================================================
 """
 
-import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
@@ -90,6 +89,7 @@ from arm_drake.control.drive_commands import (
 from arm_drake.control.servo import ServoGains
 from arm_drake.description.ros2_control import PidGains
 from arm_drake.hardware.wiring import Port, Source, Wiring
+from arm_drake.importing import dataclass
 
 # Above it a flag is set.
 _FLAG = 0.5
@@ -98,7 +98,7 @@ _FLAG = 0.5
 _NO_LIMIT = 1e12
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Layout:
     """Where n commanded joints stand in a robot's state, and what they are told."""
 
@@ -500,7 +500,7 @@ def _brake(error: Expression, begins: float) -> Expression:
     return if_then_else(abs_(error) > begins, far, error)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class DrivePid:
     """Gains of n joints on errors of position and of velocity, None where none."""
 

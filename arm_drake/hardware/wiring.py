@@ -16,6 +16,7 @@ from pydrake.systems.primitives import (
 )
 
 from arm_drake.arrays import Array
+from arm_drake.importing import dataclass
 
 
 class Source(NamedTuple):
@@ -33,7 +34,7 @@ class Source(NamedTuple):
 Port: TypeAlias = OutputPort | Source
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Wiring:
     """Adds systems to a builder, connected to what they read.
 

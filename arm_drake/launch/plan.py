@@ -12,6 +12,7 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
 from arm_drake.errors import InputError
+from arm_drake.importing import dataclass
 from arm_drake.launch.commanded import save_steps, share_steps
 from arm_drake.launch.frames import Placed, StaticFrame, place_frames
 from arm_drake.launch.robot import (
@@ -30,7 +31,7 @@ from arm_drake.simulation.motion import Motion
 from arm_drake.simulation.motion_files import find_motion
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class LaunchArgument:
     """An argument that a launch file declares."""
 
@@ -42,7 +43,7 @@ class LaunchArgument:
     choices: tuple[str, ...] | None = None
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class LaunchPlan:
     """What `load_launch` returns: what a launch file would start.
 

@@ -21,6 +21,7 @@ from arm_drake.description.report import LoadReport, ReportEntry
 from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.xacro import expand_xacro
 from arm_drake.errors import InputError, PackageError, find_close, suggest
+from arm_drake.importing import dataclass
 from arm_drake.launch.frames import Placed
 from arm_drake.loading import load_robot
 from arm_drake.manager.loading import load_controllers_of
@@ -77,7 +78,7 @@ def hold_files(robot: Robot, folder: PlanFolder | None) -> None:
     _folders[robot] = folder
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class LaunchedRobot:
     """Robots of a launch file: where each is described, what controls it, its place."""
 

@@ -21,6 +21,7 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose
 from arm_drake.description.xacro import expand_xacro
 from arm_drake.errors import PackageError
+from arm_drake.importing import dataclass
 from arm_drake.launch.actions import split_ros_arguments
 from arm_drake.launch.commanded import read_goal, read_publication, save_steps
 from arm_drake.launch.frames import StaticFrame, read_static_frame
@@ -97,7 +98,7 @@ _DOES = {
 _LARGEST = 500_000
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class NotStarted:
     """Something of a launch file that isn't run here."""
 

@@ -11,10 +11,11 @@ from arm_drake.controllers.controller_interface import RobotInfo
 from arm_drake.description.ros2_control import ComponentInfo
 from arm_drake.description.sensors import SensorInfo, accelerating_joints, sensed_names
 from arm_drake.description.urdf import RobotDescription
+from arm_drake.importing import dataclass
 from arm_drake.plant.kinematics import PlantKinematics
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class HardwareInterfaces(RobotInfo):
     """What a robot offers its controllers."""
 

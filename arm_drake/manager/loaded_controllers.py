@@ -1,11 +1,11 @@
 """Loaded controllers of a robot, their states and their command interfaces."""
 
-import dataclasses as dc
 from collections.abc import Collection, Iterable
 from typing import Literal, NamedTuple
 
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.robot import Robot
+from arm_drake.importing import dataclass
 from arm_drake.manager.hardware_interfaces import HardwareInterfaces
 from arm_drake.manager.switching import ControllerInfo
 
@@ -22,7 +22,7 @@ class ControllerState(NamedTuple):
     state: ControllerStatus
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class LoadedController:
     """A controller of a robot, with its system if it could be loaded."""
 

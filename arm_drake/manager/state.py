@@ -1,6 +1,5 @@
 """State of the controller manager from cycle to cycle, and its events."""
 
-import dataclasses as dc
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple, Self
@@ -9,10 +8,11 @@ from arm_drake.arrays import Array
 from arm_drake.control.drive_commands import DriveMode
 from arm_drake.control.joint_limits import Previous
 from arm_drake.controllers.cycles import Cycle, UpdateResult
+from arm_drake.importing import dataclass
 from arm_drake.messages import SwitchController, SwitchControllerResult
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ControllerFailure:
     """Event: a controller was deactivated because its update failed."""
 
@@ -27,7 +27,7 @@ class ControllerFailure:
     problems: tuple[str, ...] = ()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class CommandLimited:
     """Event: a command went beyond a limit of its joint, told once a joint."""
 

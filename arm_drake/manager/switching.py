@@ -12,9 +12,10 @@ import itertools
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
 from arm_drake.errors import suggest
+from arm_drake.importing import dataclass
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ControllerInfo:
     """What the manager has to know of a controller to switch it."""
 
@@ -179,7 +180,7 @@ def _predecessors(controllers: Mapping[str, ControllerInfo]) -> dict[str, list[s
     return found
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class SwitchPlan:
     """What a switch does."""
 

@@ -4,7 +4,6 @@ Motions are generators of the times until which to simulate, so that whoever run
 simulation does so. What is known of the scene is read from the simulation.
 """
 
-import dataclasses as dc
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -15,6 +14,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import RigidBody
 
 from arm_drake.errors import InputError, suggest
+from arm_drake.importing import dataclass
 from arm_drake.manipulation.activities import (
     LOOK,
     Activity,
@@ -78,7 +78,7 @@ _PARTS = (1.0, 0.6, 0.3)
 _RELEASE = 6e-3
 
 
-@dc.dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class PickOptions:
     """How to pick and place: what may be given to `pick` and `place` by name."""
 

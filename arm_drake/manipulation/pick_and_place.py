@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 
+from arm_drake.importing import dataclass
 from arm_drake.manipulation.activities import (
     Activity,
     Failure,
@@ -56,7 +57,7 @@ class Attempt(NamedTuple):
     reason: str
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class PickResult:
     """What became of picking a thing."""
 
@@ -97,7 +98,7 @@ class PickResult:
         return {"thing": self.thing, "attempts": count, "duration": self.duration}
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class PlaceResult:
     """What became of placing a thing."""
 

@@ -20,6 +20,7 @@ from arm_drake.description.joints import WORLD, joints_above
 from arm_drake.description.perception_sensors import CameraSensor
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, quoted, suggest
+from arm_drake.importing import dataclass
 from arm_drake.manipulation.activities import (
     Activity,
     Runner,
@@ -59,7 +60,7 @@ class Observer(Runner, Protocol):
         """Return the poses of links in the world."""
 
 
-@dc.dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class FollowOptions:
     """How to follow: what may be given to `follow` by name."""
 
@@ -100,7 +101,7 @@ class FollowOptions:
             raise InputError(f"velocity_scaling: {text}")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class FollowResult:
     """What became of following a thing."""
 

@@ -12,6 +12,8 @@ import numbers
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar, Self, TypeVar
 
+from arm_drake.importing import dataclass
+
 # What `arm_drake.messages` has of it.
 __all__ = [
     "NANOSECONDS",
@@ -277,7 +279,7 @@ def _no_time(value: Any) -> ValueError:
     return ValueError(f"expected seconds or {{sec: int, nanosec: int}}, got {value!r}")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Header(Message):
     """When and in which frame a message holds."""
 
@@ -311,7 +313,7 @@ def stamp_of(message: Any) -> int:
     return header.stamp.to_nanoseconds() if header else 0
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class JointState(Message):
     """State of a set of joints, N of them (`sensor_msgs/JointState`)."""
 

@@ -3,6 +3,7 @@
 import dataclasses as dc
 from typing import ClassVar, Literal
 
+from arm_drake.importing import dataclass
 from arm_drake.messages.base import (
     Header,
     JointState,
@@ -55,7 +56,7 @@ Strictness = Literal["strict", "best_effort"]
 _STRICTNESS = ("strict", "best_effort", "")
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Float64MultiArray(Message):
     """Numbers in an agreed order (`std_msgs`); each message is one of its own."""
 
@@ -68,7 +69,7 @@ class Float64MultiArray(Message):
         object.__setattr__(self, "data", to_floats(self.data, "data"))
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class MultiDOFCommand(Message):
     """References of degrees of freedom, n of them (`control_msgs`)."""
 
@@ -88,7 +89,7 @@ class MultiDOFCommand(Message):
             object.__setattr__(self, field, to_floats(getattr(self, field), field))
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class MultiDOFState(Message):
     """State of one degree of freedom (`control_msgs/SingleDOFState`)."""
 
@@ -104,7 +105,7 @@ class MultiDOFState(Message):
     output: float = 0.0
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class MultiDOFStateStamped(Message):
     """States of degrees of freedom (`control_msgs`)."""
 
@@ -112,14 +113,14 @@ class MultiDOFStateStamped(Message):
     dof_states: tuple[MultiDOFState, ...] = ()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ParametersRejected(Message):
     """Event: a controller didn't take parameters while it runs."""
 
     reason: str
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class InterfaceValue(Message):
     """Values of interfaces of one joint or other component (`control_msgs`)."""
 
@@ -129,7 +130,7 @@ class InterfaceValue(Message):
     values: tuple[float, ...] = ()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class DynamicJointState(Message):
     """State of joints, sensors and GPIOs with any interfaces (`control_msgs`)."""
 
@@ -140,7 +141,7 @@ class DynamicJointState(Message):
     interface_values: tuple[InterfaceValue, ...] = ()
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class SwitchController(Message):
     """Request of the service `controller_manager_msgs/SwitchController`."""
 
@@ -163,7 +164,7 @@ class SwitchController(Message):
             )
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class SwitchControllerResult(Message):
     """What became of a SwitchController request."""
 
@@ -174,7 +175,7 @@ class SwitchControllerResult(Message):
     message: str = ""
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Float64(Message):
     """A number (`std_msgs`); each message is one of its own."""
 
@@ -187,12 +188,12 @@ class Float64(Message):
         object.__setattr__(self, "data", to_float(self.data, "data"))
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Float32(Float64):
     """A number (`std_msgs`), kept with the digits that it is given."""
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Bool(Message):
     """Yes or no (`std_msgs`); each message is one of its own."""
 
@@ -205,7 +206,7 @@ class Bool(Message):
         check_type(self.data, bool, "data")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class GripperCommand(Message):
     """Where a gripper is to go (`control_msgs/GripperCommand`)."""
 
@@ -222,7 +223,7 @@ class GripperCommand(Message):
             object.__setattr__(self, field, number)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class GripperCommandGoal(Message):
     """Goal of the action `control_msgs/GripperCommand`."""
 
@@ -233,7 +234,7 @@ class GripperCommandGoal(Message):
         check_type(self.command, GripperCommand, "command")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class GripperCommandResult(Message):
     """Result of the action `control_msgs/GripperCommand`."""
 
@@ -248,7 +249,7 @@ class GripperCommandResult(Message):
     reached_goal: bool = False
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ParallelGripperCommandGoal(Message):
     """Goal of the action `control_msgs/ParallelGripperCommand`."""
 
@@ -269,7 +270,7 @@ class ParallelGripperCommandGoal(Message):
         object.__setattr__(self, "command", checked)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ParallelGripperCommandResult(Message):
     """Result of the action `control_msgs/ParallelGripperCommand`."""
 
@@ -281,14 +282,14 @@ class ParallelGripperCommandResult(Message):
     reached_goal: bool = False
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Int8MultiArray(Message):
     """Small numbers in an agreed order (`std_msgs`)."""
 
     data: tuple[int, ...] = ()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class String(Message):
     """A text (`std_msgs`)."""
 
@@ -297,7 +298,7 @@ class String(Message):
     data: str = ""
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class AdmittanceControllerState(Message):
     """How an AdmittanceController gives way (`control_msgs`).
 
@@ -332,7 +333,7 @@ class AdmittanceControllerState(Message):
     ft_sensor_frame: String = dc.field(default_factory=String)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class MecanumDriveControllerState(Message):
     """State of a MecanumDriveController (`control_msgs`)."""
 
@@ -348,7 +349,7 @@ class MecanumDriveControllerState(Message):
     reference_velocity: Twist = dc.field(default_factory=Twist)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class SteeringControllerStatus(Message):
     """What a steering controller measures and commands (`control_msgs`).
 
@@ -371,7 +372,7 @@ class SteeringControllerStatus(Message):
     steering_angle_command: tuple[float, ...] = ()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class AckermannDrive(Message):
     """How a steered base is to drive (`ackermann_msgs`)."""
 
@@ -389,12 +390,12 @@ class AckermannDrive(Message):
     jerk: float = 0.0
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class ResetOdometry(Message):
     """Request of the service `reset_odometry` (`std_srvs/Empty`), one of its own."""
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class DynamicInterfaceGroupValues(Message):
     """Values of interfaces by group; each message is one of its own.
 

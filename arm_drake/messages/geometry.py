@@ -3,11 +3,11 @@
 What a user sends, twists and wrenches, may be given as mappings of their fields.
 """
 
-import dataclasses as dc
 import math
 from typing import ClassVar
 
 from arm_drake.arrays import Array
+from arm_drake.importing import dataclass
 from arm_drake.messages.base import Header, Message, to_float, to_message
 
 # What `arm_drake.messages` has of it.
@@ -46,7 +46,7 @@ def _take_parts(message: Message, kinds: dict[str, type]) -> None:
             values[field] = to_message(values[field], kind, field)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Vector3(Message):
     """A vector, in the unit of what it is a vector of."""
 
@@ -59,12 +59,12 @@ class Vector3(Message):
         _take_numbers(self, ("x", "y", "z"))
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Point(Vector3):
     """A position [m]."""
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Point32(Message):
     """A position [m], of single precision in ROS."""
 
@@ -73,7 +73,7 @@ class Point32(Message):
     z: float = 0.0
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Quaternion(Message):
     """An orientation."""
 
@@ -94,7 +94,7 @@ class Quaternion(Message):
         return Quaternion(x, y, z, w)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Twist(Message):
     """A velocity, in the frame of what moves."""
 
@@ -111,7 +111,7 @@ class Twist(Message):
         _take_parts(self, {"linear": Vector3, "angular": Vector3})
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class TwistStamped(Message):
     """A velocity as of a time; each message is one of its own."""
 
@@ -127,7 +127,7 @@ class TwistStamped(Message):
         _take_parts(self, {"header": Header, "twist": Twist})
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Pose(Message):
     """A position and an orientation."""
 
@@ -135,7 +135,7 @@ class Pose(Message):
     orientation: Quaternion = Quaternion()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class PoseStamped(Message):
     """A pose as of a time, in the frame of the header."""
 
@@ -143,7 +143,7 @@ class PoseStamped(Message):
     pose: Pose = Pose()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Transform(Message):
     """Where a frame stands in another one."""
 
@@ -153,7 +153,7 @@ class Transform(Message):
     rotation: Quaternion = Quaternion()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class TransformStamped(Message):
     """Where a frame stands in the frame of the header, as of a time."""
 
@@ -162,14 +162,14 @@ class TransformStamped(Message):
     transform: Transform = Transform()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class TFMessage(Message):
     """Where frames stand (`tf2_msgs`)."""
 
     transforms: tuple[TransformStamped, ...] = ()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Wrench(Message):
     """A force and a torque."""
 
@@ -184,7 +184,7 @@ class Wrench(Message):
         _take_parts(self, {"force": Vector3, "torque": Vector3})
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class WrenchStamped(Message):
     """A wrench as of a time, in the frame of the header; each is one of its own."""
 
@@ -198,7 +198,7 @@ class WrenchStamped(Message):
         _take_parts(self, {"header": Header, "wrench": Wrench})
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class PoseWithCovariance(Message):
     """A pose and how certain it is."""
 
@@ -208,7 +208,7 @@ class PoseWithCovariance(Message):
     covariance: tuple[float, ...] = (0.0,) * 36
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class TwistWithCovariance(Message):
     """A velocity and how certain it is."""
 
@@ -218,7 +218,7 @@ class TwistWithCovariance(Message):
     covariance: tuple[float, ...] = (0.0,) * 36
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Odometry(Message):
     """Where a base takes itself to be (`nav_msgs`)."""
 
@@ -233,7 +233,7 @@ class Odometry(Message):
     twist: TwistWithCovariance = TwistWithCovariance()
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class SetOdometry(Message):
     """Request of the service `control_msgs/SetOdometry`: where a base is."""
 

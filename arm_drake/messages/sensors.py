@@ -7,6 +7,7 @@ import dataclasses as dc
 import math
 from typing import ClassVar, Final
 
+from arm_drake.importing import dataclass
 from arm_drake.messages.base import Header, Message
 from arm_drake.messages.geometry import Point32, Quaternion, Vector3, Wrench
 
@@ -37,7 +38,7 @@ _ZERO: Final = Vector3()
 _UPRIGHT: Final = Quaternion()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Imu(Message):
     """What an inertial measurement unit measures (`sensor_msgs`)."""
 
@@ -62,7 +63,7 @@ class Imu(Message):
     linear_acceleration_covariance: tuple[float, ...] = _NO_COVARIANCE
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Range(Message):
     """A distance (`sensor_msgs`)."""
 
@@ -87,7 +88,7 @@ class Range(Message):
     variance: float = 0.0
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class NavSatStatus(Message):
     """How good a satellite fix is (`sensor_msgs`)."""
 
@@ -99,7 +100,7 @@ class NavSatStatus(Message):
     service: int = 0
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class NavSatFix(Message):
     """A place on earth (`sensor_msgs`)."""
 
@@ -120,7 +121,7 @@ class NavSatFix(Message):
     position_covariance_type: int = 0
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class MagneticField(Message):
     """A magnetic field (`sensor_msgs`)."""
 
@@ -133,7 +134,7 @@ class MagneticField(Message):
     magnetic_field_covariance: tuple[float, ...] = _NO_COVARIANCE
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class BatteryState(Message):
     """State of a battery, or of several in one (`sensor_msgs`); NaN is unknown."""
 
@@ -172,14 +173,14 @@ class BatteryState(Message):
     serial_number: str = ""
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class BatteryStateArray(Message):
     """States of batteries (`control_msgs`)."""
 
     battery_states: tuple[BatteryState, ...] = ()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Keys(Message):
     """Names of values (`control_msgs`)."""
 
@@ -187,7 +188,7 @@ class Keys(Message):
     keys: tuple[str, ...] = ()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Float64Values(Message):
     """Values, in the order of their Keys (`control_msgs`)."""
 
@@ -203,7 +204,7 @@ def to_code(value: float, unknown: int) -> int:
     return int(value) if math.isfinite(value) else unknown
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class VDA5050SafetyState(Message):
     """What the standard VDA 5050 calls the safety state (`control_msgs`)."""
 
@@ -217,7 +218,7 @@ class VDA5050SafetyState(Message):
 _NOTHING: Final = Wrench()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ContactState(Message):
     """Where two shapes touch, and with which forces on the first one."""
 
@@ -240,7 +241,7 @@ class ContactState(Message):
     depths: tuple[float, ...] = ()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ContactsState(Message):
     """All contacts of a sensor; none while nothing touches."""
 
@@ -248,7 +249,7 @@ class ContactsState(Message):
     states: tuple[ContactState, ...] = ()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class RegionOfInterest(Message):
     """Part of a picture (`sensor_msgs`); of size 0 it is the whole picture."""
 
@@ -261,7 +262,7 @@ class RegionOfInterest(Message):
     do_rectify: bool = False
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Image(Message):
     """A picture (`sensor_msgs`); `arm_drake.perception.images` makes it an array."""
 
@@ -285,7 +286,7 @@ class Image(Message):
     data: bytes = dc.field(default=b"", repr=False)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class CompressedImage(Message):
     """A picture as a file (`sensor_msgs`)."""
 
@@ -300,7 +301,7 @@ class CompressedImage(Message):
     data: bytes = dc.field(default=b"", repr=False)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class CameraInfo(Message):
     """How a camera projects (`sensor_msgs`), in its optical frame: z ahead, y down."""
 
@@ -332,7 +333,7 @@ class CameraInfo(Message):
     roi: RegionOfInterest = RegionOfInterest()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class PointField(Message):
     """One number of a point of a PointCloud2 (`sensor_msgs`)."""
 
@@ -347,7 +348,7 @@ class PointField(Message):
     count: int = 1
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class PointCloud2(Message):
     """Points in the header's frame (`sensor_msgs`)."""
 
@@ -371,7 +372,7 @@ class PointCloud2(Message):
     is_dense: bool = True
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ChannelFloat32(Message):
     """A number of each point of a PointCloud (`sensor_msgs`)."""
 
@@ -379,7 +380,7 @@ class ChannelFloat32(Message):
     values: tuple[float, ...] = dc.field(default=(), repr=False)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class PointCloud(Message):
     """Points in the header's frame, one by one (`sensor_msgs`)."""
 
@@ -390,7 +391,7 @@ class PointCloud(Message):
     channels: tuple[ChannelFloat32, ...] = ()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class LaserScan(Message):
     """Distances in a plane, counterclockwise about z (`sensor_msgs`)."""
 

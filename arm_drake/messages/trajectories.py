@@ -5,6 +5,7 @@ import enum
 from collections.abc import Callable
 from typing import ClassVar, TypeAlias, get_args
 
+from arm_drake.importing import dataclass
 from arm_drake.messages.base import (
     Duration,
     Header,
@@ -54,7 +55,7 @@ _EMPTY: tuple[float, ...] = ()
 _VECTORS = ("positions", "velocities", "accelerations", "effort")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class JointTrajectoryPoint(Message):
     """A point of a trajectory; vectors have one element per joint, or none."""
 
@@ -85,7 +86,7 @@ class JointTrajectoryPoint(Message):
             fields["time_from_start"] = to_duration(time, "time_from_start")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class JointTrajectory(Message):
     """A motion of a set of joints (`trajectory_msgs/JointTrajectory`)."""
 
@@ -108,7 +109,7 @@ class JointTrajectory(Message):
         object.__setattr__(self, "points", points)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class JointTolerance(Message):
     """How far a joint may be off: 0 takes the controller's default, -1 means any."""
 
@@ -131,7 +132,7 @@ class JointTolerance(Message):
             object.__setattr__(self, field, number)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class FollowJointTrajectoryGoal(Message):
     """Goal of the action `control_msgs/FollowJointTrajectory`."""
 
@@ -165,7 +166,7 @@ class FollowJointTrajectoryErrorCode(enum.IntEnum):
     GOAL_TOLERANCE_VIOLATED = -5
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class FollowJointTrajectoryResult(Message):
     """Result of the action `control_msgs/FollowJointTrajectory`."""
 
@@ -176,7 +177,7 @@ class FollowJointTrajectoryResult(Message):
     error_string: str = ""
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class FollowJointTrajectoryFeedback(Message):
     """Feedback of the action `control_msgs/FollowJointTrajectory`."""
 
@@ -190,7 +191,7 @@ class FollowJointTrajectoryFeedback(Message):
     index: int = 0
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class JointTrajectoryControllerState(Message):
     """What a trajectory controller is doing (`control_msgs`, same name)."""
 
@@ -203,7 +204,7 @@ class JointTrajectoryControllerState(Message):
     speed_scaling_factor: float = 1.0
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class SpeedScalingFactor(Message):
     """How fast time is to pass along trajectories; 0 pauses (`control_msgs`)."""
 
@@ -216,7 +217,7 @@ class SpeedScalingFactor(Message):
         object.__setattr__(self, "factor", to_float(self.factor, "factor"))
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class QueryTrajectoryState(Message):
     """Response of the service `control_msgs/QueryTrajectoryState`, n joints.
 
@@ -261,7 +262,7 @@ class ActionRequest(Message):
     """What a client asks on an action port. Each request is one of its own."""
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class SendGoal(ActionRequest):
     """Execute a goal."""
 
@@ -277,7 +278,7 @@ class SendGoal(ActionRequest):
         check_type(self.goal, get_args(Goal), "goal", hint=hint)
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class CancelGoal(ActionRequest):
     """Cancel a goal that was sent before."""
 
@@ -288,7 +289,7 @@ class CancelGoal(ActionRequest):
         check_type(self.request, SendGoal, "request")
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class CancelResponse(Message):
     """Whether a controller takes a CancelGoal; a GoalEvent tells how the goal ends."""
 
@@ -299,7 +300,7 @@ class CancelResponse(Message):
     reason: str = ""
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class GoalEvent(Message):
     """Event of an action goal: its status, its result once there is one, feedback."""
 
@@ -321,7 +322,7 @@ class GoalEvent(Message):
         return None if self.feedback_source is None else self.feedback_source()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class TopicRejected(Message):
     """Event: a controller didn't accept a topic message."""
 

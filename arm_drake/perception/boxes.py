@@ -15,6 +15,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from arm_drake.arrays import Array, is_number
 from arm_drake.errors import InputError
+from arm_drake.importing import dataclass
 
 # How many planes are looked at, and the least part of all points on one.
 _PLANES, _LEAST_ON_PLANE = 4, 0.03
@@ -44,7 +45,7 @@ _ROUNDER: Final = 0.85
 _LEAST_ON_FACE: Final = 10
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class FoundBox:
     """What was found of a box in a point cloud, or why it wasn't."""
 

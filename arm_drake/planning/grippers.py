@@ -28,6 +28,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from arm_drake.description.joints import joints_above, last_master
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, quoted, suggest
+from arm_drake.importing import dataclass
 from arm_drake.planning.collisions import add_colliding_robot
 from arm_drake.planning.groups import PlanningGroup, find_group, planning_groups
 from arm_drake.planning.inverse_kinematics import complete_positions
@@ -73,7 +74,7 @@ class Opening(NamedTuple):
     middle: np.ndarray
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Gripper:
     """A gripper of a robot, and the arm that carries it."""
 

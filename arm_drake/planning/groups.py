@@ -4,7 +4,6 @@ They are those of the robot's SRDF files, as MoveIt has them, and its trajectory
 controllers, each a group of its name: a robot without an SRDF has groups, too.
 """
 
-import dataclasses as dc
 import weakref
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from numbers import Real
@@ -19,6 +18,7 @@ from arm_drake.description.joints import joints_above, last_master
 from arm_drake.description.robot import Robot
 from arm_drake.description.srdf import find_group_states, find_groups, find_srdf_files
 from arm_drake.errors import InputError, check_known, check_type, quoted, suggest
+from arm_drake.importing import dataclass
 from arm_drake.plant.joint_ranges import center, find_gripper_joints, joint_ranges
 
 # All of a pose counts: x, y, z of the world, turns about x, y, z of the frame.
@@ -44,7 +44,7 @@ _POSITION_ONLY = "position_only_ik"
 _TRAJECTORY_CONTROLLER = "joint_trajectory_controller/JointTrajectoryController"
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class PlanningGroup:
     """Joints that are planned for together."""
 

@@ -5,7 +5,6 @@ held there (an active set). A try that comes no nearer ends early; the next one 
 from the nearest of a table of random poses, which is made once for a robot and frame.
 """
 
-import dataclasses as dc
 import functools
 import math
 import weakref
@@ -28,6 +27,7 @@ from arm_drake.errors import (
     counted,
     quoted,
 )
+from arm_drake.importing import dataclass
 from arm_drake.planning.groups import find_group, find_mask
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.kinematics import (
@@ -69,7 +69,7 @@ _AT_ONCE = (1, 1, 1, 1, 8)
 _ALL_TRIES, _FAR_TRIES, _VAIN_TRIES = 100, 3, 25
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class IkSolution:
     """Joint positions that put a frame where it should be."""
 

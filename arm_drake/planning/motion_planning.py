@@ -30,6 +30,7 @@ from arm_drake.errors import (
     first_names,
     suggest,
 )
+from arm_drake.importing import dataclass
 from arm_drake.messages import JointTrajectory, JointTrajectoryPoint
 from arm_drake.output_files import unbroken
 from arm_drake.planning.collisions import CollisionModel, collision_model
@@ -114,7 +115,7 @@ _MANY = 2000
 _CLEARANCE_POINTS, _FAR = 40, 0.3
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Plan:
     """A motion of a group of joints that touches nothing."""
 

@@ -1,6 +1,5 @@
 """A cone that an axis of a link stays in along a plan: a glass that is kept upright."""
 
-import dataclasses as dc
 import itertools
 import math
 from collections.abc import Callable, Sequence
@@ -10,6 +9,7 @@ import numpy as np
 
 from arm_drake.arrays import cross
 from arm_drake.errors import InputError, suggest
+from arm_drake.importing import dataclass
 from arm_drake.planning.collisions import CollisionModel
 
 # Between two checks joints turn by so little in all that the axis leaves the cone by no
@@ -26,7 +26,7 @@ _ROUNDING = 1e-6
 _SHORTEST = 1e-9
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class OrientationConstraint:
     """A link may tilt by so much along the way, and turn about the vertical freely.
 

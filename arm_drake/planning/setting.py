@@ -12,6 +12,7 @@ from pydrake.systems.framework import Context, Diagram
 
 from arm_drake.description.robot import Robot
 from arm_drake.errors import ArmDrakeError, InputError, check_known, check_type
+from arm_drake.importing import dataclass
 from arm_drake.messages import JointState
 from arm_drake.planning.groups import find_mask
 from arm_drake.planning.inverse_kinematics import complete_positions
@@ -75,7 +76,7 @@ class Running(Protocol):
         """Return where the joints of a robot are, and how fast they move."""
 
 
-@dc.dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class PlanOptions:
     """How to plan: what may be given to `plan` by name."""
 

@@ -6,7 +6,6 @@ center is 0 where 0 is within the range, else the middle. It refuses a robot wit
 joint without limits; here such a joint gets a range to look at.
 """
 
-import dataclasses as dc
 import itertools
 import math
 import re
@@ -22,6 +21,7 @@ from arm_drake.description.robot import Robot
 from arm_drake.description.srdf import GroupState, find_group_states
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import InputError, suggest
+from arm_drake.importing import dataclass
 from arm_drake.interfaces import POSITION
 from arm_drake.plant.plant import make_reduced_plant, trial_plant
 
@@ -32,7 +32,7 @@ _TURN, _SLIDE = math.pi, 1.0
 _FAR = 1e3
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class JointRange:
     """Where a movable joint can be put."""
 

@@ -1,7 +1,6 @@
 """Payloads: things on links that neither description nor servo knows of."""
 
 import copy
-import dataclasses as dc
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TypeAlias
 
@@ -22,6 +21,7 @@ from pydrake.systems.framework import Context
 from arm_drake.arrays import is_finite
 from arm_drake.description.joints import WORLD
 from arm_drake.errors import InputError, check_known
+from arm_drake.importing import dataclass
 
 _SHAPES = (Box, Capsule, Cylinder, Ellipsoid, Sphere)
 
@@ -30,7 +30,7 @@ _COLOR = np.array([0.85, 0.55, 0.2, 1.0])
 _FRICTION = CoulombFriction(0.8, 0.8)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Payload:
     """A thing that is fixed to a link."""
 

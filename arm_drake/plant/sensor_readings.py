@@ -31,6 +31,7 @@ from arm_drake.arrays import Array, cross
 from arm_drake.description.gazebo_plugins import shape_name
 from arm_drake.description.joints import WORLD
 from arm_drake.description.sensors import SensorInfo
+from arm_drake.importing import dataclass
 from arm_drake.interfaces import (
     ACCELERATIONS,
     FORCES,
@@ -99,7 +100,7 @@ _PLANT: Final = {
 _QUERY: Final = "geometry_query"
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class PlantPorts:
     """Declares input ports of a system as they are needed, each once."""
 

@@ -1,6 +1,5 @@
 """Differences of two rollouts, in numbers."""
 
-import dataclasses as dc
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_drake.arrays import Array
+from arm_drake.importing import dataclass
 from arm_drake.rollout.rollout import TIME, Rollout
 
 # Times nearer to each other are the same [s]: logs have whole nanoseconds, or numbers
@@ -17,7 +17,7 @@ from arm_drake.rollout.rollout import TIME, Rollout
 _SAME_TIME = 0.6e-9
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ColumnDifference:
     """How far a quantity of two rollouts is apart, in its unit."""
 
@@ -43,7 +43,7 @@ class ColumnDifference:
     relative: float
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Comparison:
     """Where two rollouts, A and B, differ."""
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.errors import MissingExtraError, counted, suggest
+from arm_drake.importing import dataclass
 from arm_drake.messages import Message
 from arm_drake.rollout.formats import load_fields, save_rollout
 from arm_drake.rollout.link_poses import find_tip, read_link_poses
@@ -37,7 +38,7 @@ _UNITS = {"acceleration": ("rad/s^2", "m/s^2")}
 _AT_LIMIT = 1e-6
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class GoalRecord:
     """A goal of an action, and what became of it."""
 
@@ -69,7 +70,7 @@ class GoalRecord:
     result: Mapping[str, Any] | None = None
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class SentMessage:
     """A message that was sent to a controller, or a request to the manager."""
 
@@ -86,7 +87,7 @@ class SentMessage:
     data: Mapping[str, Any]
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ClientInput:
     """What a program outside asked for while a simulation ran."""
 
@@ -112,7 +113,7 @@ class ClientInput:
     offset_ns: int = 0
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Reference:
     """What a controller wanted of its joints."""
 
@@ -123,7 +124,7 @@ class Reference:
     position: Array
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Rollout:
     """The recorded motion of a robot: N rows, J movable joints.
 

@@ -12,6 +12,7 @@ import yaml
 from arm_drake import yaml_files
 from arm_drake.arrays import is_finite
 from arm_drake.errors import MotionError, counted, quoted, suggest
+from arm_drake.importing import dataclass
 from arm_drake.messages import (
     Duration,
     FollowJointTrajectoryGoal,
@@ -52,7 +53,7 @@ class SetPayloads(NamedTuple):
     payloads: Mapping[str, Payload]
 
 
-@dc.dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Task(Message):
     """What a robot does once it rests, however long it takes."""
 
@@ -66,7 +67,7 @@ class Task(Message):
     kind: ClassVar[str] = ""
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PlanTo(Task):
     """A motion that is planned when it is due, and sent to the group's controller."""
 
@@ -76,7 +77,7 @@ class PlanTo(Task):
     to: tuple[str | Mapping[str, float] | tuple[float, ...], ...]
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PickThing(Task):
     """A thing that is grasped and lifted."""
 
@@ -85,7 +86,7 @@ class PickThing(Task):
     thing: str
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PlaceThing(Task):
     """Where to put down what the gripper holds."""
 
@@ -95,7 +96,7 @@ class PlaceThing(Task):
     pose: tuple[float, ...]
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class FollowThing(Task):
     """A thing that an arm keeps in its camera's picture."""
 
@@ -118,7 +119,7 @@ class TaskResult(Protocol):
         """Return its figures; what isn't known is None."""
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class TaskOutcome:
     """What became of a task of a motion."""
 
@@ -164,7 +165,7 @@ Sent: TypeAlias = StepMessage | TopicMessage | SetPayloads | Task
 _SPEED_TOPIC = "/speed_scaling_input"
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class MotionStep:
     """Something that is sent to a controller, a topic, or the controller manager."""
 
@@ -186,7 +187,7 @@ class MotionStep:
     line: int | None = dc.field(default=None, compare=False)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Motion:
     """The steps of a motion file, in the order of their times."""
 
@@ -323,7 +324,7 @@ def _scaled_end(
 STEPS = "steps"
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class MotionFile:
     """Where a motion stands: its file, and what has the lines, if it is of one."""
 

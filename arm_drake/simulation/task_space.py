@@ -16,6 +16,7 @@ from pydrake.math import RigidTransform
 
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, SimulationError, suggest
+from arm_drake.importing import dataclass
 from arm_drake.manager.loaded_controllers import ControllerState
 from arm_drake.messages import JointTrajectory, JointTrajectoryPoint, Message
 from arm_drake.messages.base import to_message
@@ -55,7 +56,7 @@ _AT_START, _AT_END = 0.03, 0.1
 _ROUNDING = 1.0 + 1e-6
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class KinematicGoal(Message):
     """Where the last link of an arm is to be, in the frame that carries the arm."""
 
@@ -67,7 +68,7 @@ class KinematicGoal(Message):
     z: float = 0.0
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class TrajectoryGoal(Message):
     """Where the last link of an arm is to be, and in what time it goes there."""
 
@@ -82,7 +83,7 @@ class TrajectoryGoal(Message):
     time_range: float = 0.0
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class SetBool(Message):
     """Whether to do it (`std_srvs`)."""
 

@@ -1,6 +1,5 @@
 """The topics of a diagram by their names in ROS and in Gazebo."""
 
-import dataclasses as dc
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -12,6 +11,7 @@ from arm_drake.controllers.joint_state_broadcaster import JointStateBroadcaster
 from arm_drake.controllers.topics import GRIPPER_COMMAND
 from arm_drake.description.bridge import TopicAlias
 from arm_drake.errors import InputError, suggest
+from arm_drake.importing import dataclass
 from arm_drake.manager import MANAGER, ControllerManager
 from arm_drake.manager.connections import exported_name, with_prefix
 from arm_drake.messages import (
@@ -50,7 +50,7 @@ VELOCITY = "cmd_vel"
 SPEED_SCALING = "speed_scaling_input"
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ControllerTopics:
     """Makes messages for one controller, or an error that says what it takes."""
 

@@ -3,10 +3,10 @@
 Graphviz isn't needed for its picture, which `graph_picture` draws.
 """
 
-import dataclasses as dc
+from arm_drake.importing import dataclass
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ControllerNode:
     """A controller, and what it is connected to."""
 
@@ -30,7 +30,7 @@ class ControllerNode:
     followers: tuple[str, ...] = ()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class HardwareNode:
     """A hardware component with its interfaces."""
 
@@ -44,7 +44,7 @@ class HardwareNode:
     commands: tuple[str, ...] = ()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ControlGraph:
     """What controls a robot."""
 

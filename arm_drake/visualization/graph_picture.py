@@ -4,7 +4,6 @@ From the left to the right: what the hardware reports, the controllers that read
 what they command. The hardware, below, makes states of commands.
 """
 
-import dataclasses as dc
 import functools
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -20,6 +19,7 @@ from matplotlib.patches import FancyArrowPatch, Rectangle
 from matplotlib.path import Path as Curve
 from matplotlib.textpath import text_to_path
 
+from arm_drake.importing import dataclass
 from arm_drake.output_files import writing
 from arm_drake.visualization.control_graph import ControlGraph, ControllerNode
 
@@ -44,7 +44,7 @@ _SETTINGS: Any = {
 Point = tuple[float, float]
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Line:
     """A line of text in a box, with a part at its left and one at its right end."""
 
@@ -60,7 +60,7 @@ class Line:
         return gap + sum(text_width(t, self.is_bold) for t in (self.left, self.right))
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Box:
     """Lines of text with a frame around them."""
 
@@ -79,7 +79,7 @@ class Box:
         return LINE_HEIGHT * len(self.lines) + PADDING
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Place:
     """Where a box has been drawn."""
 
@@ -192,7 +192,7 @@ _NOTE = "grey: no active controller uses it"
 _TO = "\N{RIGHTWARDS ARROW}"
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class _Column:
     """Boxes one below the other, with a title above them."""
 

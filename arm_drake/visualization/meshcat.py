@@ -26,6 +26,7 @@ from pydrake.math import RigidTransform
 from arm_drake.arrays import Array
 from arm_drake.description.meshes.surfaces import data_uri
 from arm_drake.errors import InputError
+from arm_drake.importing import dataclass
 from arm_drake.worlds.sdf_models import GroundLook
 
 # Where a robot is looked at from: in front of it, to its right, above it.
@@ -35,7 +36,7 @@ THREE_QUARTER = (0.8, -1.0, 0.45)
 _SMALLEST_DISTANCE = 1e-3
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Camera:
     """Where a camera is, and what is in the middle of its picture, z up [m]."""
 
@@ -48,7 +49,7 @@ class Camera:
         return float(np.linalg.norm(np.subtract(self.target, self.eye)))
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class View:
     """How a camera looks at something; where it must be follows from that."""
 

@@ -2,7 +2,6 @@
 
 import base64
 import contextlib
-import dataclasses as dc
 import subprocess
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -15,6 +14,7 @@ from pydrake.geometry import Meshcat
 
 from arm_drake.arrays import Array
 from arm_drake.errors import InputError, MissingExtraError, OutputError
+from arm_drake.importing import dataclass
 from arm_drake.output_files import check_suffix, check_writable, writing
 from arm_drake.visualization.meshcat import View
 from arm_drake.visualization.screenshot import (
@@ -48,7 +48,7 @@ _ENCODING = (
 )
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Film:
     """What was filmed."""
 

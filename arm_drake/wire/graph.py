@@ -21,6 +21,7 @@ from arm_drake.controllers.cycles import Cycle
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, suggest
+from arm_drake.importing import dataclass
 from arm_drake.interfaces import MOTIONS_PORT
 from arm_drake.manager import MANAGER, ControllerManager
 from arm_drake.messages import (
@@ -250,7 +251,7 @@ class Action(NamedTuple):
     node: str
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Service:
     """A service; `call` is done by the thread that simulates."""
 
@@ -294,7 +295,7 @@ class Call(NamedTuple):
     reply: Callable[[dict[str, Any]], None]
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class GoalEvent:
     """Event of a goal that a client sent."""
 

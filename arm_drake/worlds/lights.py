@@ -3,7 +3,6 @@
 Sources: SDFormat, sdf/1.11/light.sdf; the sun is that of gz-sim's empty world.
 """
 
-import dataclasses as dc
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
@@ -13,12 +12,13 @@ import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from arm_drake.description.elements import text_of
+from arm_drake.importing import dataclass
 from arm_drake.worlds.sdf_files import SdfFile, parse_floats
 
 Vector = tuple[float, float, float]
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Light:
     """A light, as Drake's renderer takes it."""
 

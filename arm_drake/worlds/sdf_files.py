@@ -1,7 +1,6 @@
 """SDF files: their elements and lines, what is reported of them, what they name."""
 
 import copy
-import dataclasses as dc
 import math
 import os
 import re
@@ -15,6 +14,7 @@ from arm_drake.description.elements import explain_malformed, parse_float, text_
 from arm_drake.description.packages import PackageFinder, folders_below
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.errors import InputError, PackageError
+from arm_drake.importing import dataclass
 from arm_drake.yaml_files import YamlError, read_text
 
 # Largest file to read [bytes].
@@ -24,7 +24,7 @@ MAX_SIZE = 64 * 2**20
 _MAX_DEPTH = 200
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class SdfFile:
     """An SDF file."""
 

@@ -1,7 +1,6 @@
 """Models and shapes of SDF files, cleaned for Drake: mended, or left out."""
 
 import copy
-import dataclasses as dc
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,6 +18,7 @@ from arm_drake.description.meshes.conversion import (
 )
 from arm_drake.description.report import Severity
 from arm_drake.errors import InputError
+from arm_drake.importing import dataclass
 from arm_drake.plant.contact import GROUND, GROUND_FRICTION
 from arm_drake.worlds.sdf_files import (
     ModelFinder,
@@ -107,7 +107,7 @@ _SMALLEST, _LARGEST = 1e-9, 1e6
 _LARGEST_FRICTION = GROUND_FRICTION
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class GroundLook:
     """How the ground of a file is to look, where it is drawn."""
 
@@ -122,7 +122,7 @@ class GroundLook:
     texture: Path | None = None
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Cleaned:
     """A model or an inclusion on its way to Drake."""
 
@@ -362,7 +362,7 @@ def _clean_joint(model: ET.Element, joint: ET.Element, *, is_static: bool) -> No
         replace_child(limit, "effort", "0")
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class _Shape:
     """One `<visual>` or `<collision>` on its way to Drake."""
 

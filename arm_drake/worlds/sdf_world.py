@@ -10,6 +10,7 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from arm_drake.description.elements import text_of
 from arm_drake.description.report import LoadReport, Severity
+from arm_drake.importing import dataclass
 from arm_drake.worlds.lights import Light, read_lights
 from arm_drake.worlds.sdf_files import (
     SdfFile,
@@ -27,7 +28,7 @@ def _add_nothing(plant: MultibodyPlant) -> None:
     del plant
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class LoadedWorld:
     """A world as loaded."""
 
@@ -97,7 +98,7 @@ _FRAMES = ("frame", "joint")
 _MOST_GRAVITY = 1e6
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class SdfWorld:
     """A world on its way to Drake."""
 

@@ -13,6 +13,7 @@ from pydrake.systems.framework import Context
 
 from arm_drake.description.robot import Pose
 from arm_drake.errors import InputError, suggest
+from arm_drake.importing import dataclass
 from arm_drake.worlds.sdf_world import LoadedWorld
 
 # Colours by name: red, green and blue from 0 to 1.
@@ -39,7 +40,7 @@ SHAPES: Mapping[str, tuple[int, type[Box | Cylinder | Sphere]]] = {
 }
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Thing:
     """A thing of a scene: a body that moves, or a shape that stands still."""
 
@@ -110,7 +111,7 @@ class Thing:
         plant.RegisterCollisionGeometry(body, X_BG, shape, label, friction)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class _AddThings:
     """Adds a world and the things of a scene to plants."""
 

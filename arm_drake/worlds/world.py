@@ -1,6 +1,5 @@
 """Worlds by name, by file and by function, and how they are added to plants."""
 
-import dataclasses as dc
 import functools
 import os
 import re
@@ -24,6 +23,7 @@ from pydrake.multibody.tree import (
 from arm_drake.description.elements import free_name
 from arm_drake.description.entry import models_folder
 from arm_drake.errors import InputError, suggest
+from arm_drake.importing import dataclass
 from arm_drake.plant.contact import add_ground
 from arm_drake.plant.plant import drake_messages
 from arm_drake.worlds.sdf_files import name_of
@@ -151,7 +151,7 @@ def load_sdf_world(path: Path, package_paths: Sequence[Path] = ()) -> LoadedWorl
     )
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class _AddSdfWorld:
     """Adds the world of an SDF file to plants; elsewhere its file is read again."""
 

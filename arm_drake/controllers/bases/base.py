@@ -5,7 +5,6 @@ steering_controllers_library; the prefixes of frames, `tf_prefix`; limits of vel
 control_toolbox 6.3.0.
 """
 
-import dataclasses as dc
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -23,6 +22,7 @@ from arm_drake.description.parameters import (
     check_at_least,
     check_length,
 )
+from arm_drake.importing import dataclass
 from arm_drake.messages import (
     Header,
     Message,
@@ -137,7 +137,7 @@ _SIGNS = {
 }
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class SpeedLimits:
     """Limits of a velocity along or about an axis [m/s] or [rad/s]; NaN is no limit."""
 
@@ -217,7 +217,7 @@ def limit_velocity(
     )
 
 
-@dc.dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class BaseParameters:
     """Parameters that controllers of bases with measured or commanded motions share."""
 

@@ -5,7 +5,6 @@ command of 0; defaults of jazzy, and by rule those of other distros). Kinematics
 odometry are `arm_drake.control.odometry`.
 """
 
-import dataclasses as dc
 import math
 from collections.abc import Sequence
 from typing import Annotated, NamedTuple
@@ -51,6 +50,7 @@ from arm_drake.description.parameters import (
     check_positive,
 )
 from arm_drake.description.report import Severity
+from arm_drake.importing import dataclass
 from arm_drake.messages import (
     NANOSECONDS,
     Header,
@@ -71,7 +71,7 @@ _LIMITS = {
 }
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class DiffDriveSpeedLimits(SpeedLimits):
     """Limits of a velocity, which humble's has_*_limits switch on."""
 
@@ -116,21 +116,21 @@ def _is_number(value: float | None) -> bool:
     return value is not None and not math.isnan(value)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class DiffDriveLinear:
     """Limits of the velocity forwards."""
 
     x: DiffDriveSpeedLimits = DiffDriveSpeedLimits()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class DiffDriveAngular:
     """Limits of the velocity of turning."""
 
     z: DiffDriveSpeedLimits = DiffDriveSpeedLimits()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class DiffDriveControllerParameters(BaseParameters):
     """Parameters of a DiffDriveController."""
 

@@ -38,6 +38,7 @@ from arm_drake.description.parameters import (
     check_positive,
 )
 from arm_drake.errors import ParameterError
+from arm_drake.importing import dataclass
 from arm_drake.messages import NANOSECONDS, Header, Twist, Vector3
 from arm_drake.messages.control import MecanumDriveControllerState
 
@@ -71,7 +72,7 @@ class MecanumOdometry(NamedTuple):
         return MecanumOdometry(pose, velocity)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class BaseFrameOffset:
     """Pose of the wheels' centre in the base frame [m], [rad]."""
 
@@ -80,7 +81,7 @@ class BaseFrameOffset:
     theta: float = 0.0
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class MecanumKinematicsParameters:
     """Measures of the base."""
 
@@ -96,7 +97,7 @@ class MecanumKinematicsParameters:
         check_positive(self, "wheels_radius")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class MecanumLinear:
     """Limits of the velocity forwards and sideways."""
 
@@ -104,14 +105,14 @@ class MecanumLinear:
     y: SpeedLimits = dc.field(default=SpeedLimits())
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class MecanumAngular:
     """Limits of the velocity of turning."""
 
     z: SpeedLimits = dc.field(default=SpeedLimits())
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class MecanumDriveControllerParameters:
     """Parameters of a MecanumDriveController."""
 

@@ -24,10 +24,11 @@ from arm_drake.description.parameters import (
     check_length,
     check_positive,
 )
+from arm_drake.importing import dataclass
 from arm_drake.messages import NANOSECONDS
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class DiagonalCovariance:
     """Diagonals of the odometry's covariances: x, y, z, roll, pitch, yaw."""
 
@@ -38,7 +39,7 @@ class DiagonalCovariance:
         check_length(self, 6, "pose", "twist")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class OmniWheelDriveControllerParameters:
     """Parameters of an OmniWheelDriveController."""
 
@@ -92,7 +93,7 @@ _MIN_STEP = 1e-6
 _MIN_TURN = 1e-6
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class OmniWheelKinematics:
     """Measures of a base, which take its velocity to its wheels and back."""
 

@@ -41,6 +41,7 @@ from arm_drake.description.parameters import (
     check_positive,
     check_unique,
 )
+from arm_drake.importing import dataclass
 from arm_drake.messages import NANOSECONDS, Header
 from arm_drake.messages.control import SteeringControllerStatus
 
@@ -56,7 +57,7 @@ _WHEELS = (
 _VARIANCES = (0.0, 7.0, 14.0, 21.0, 28.0, 35.0)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class SteeringControllerParameters(BaseParameters):
     """Parameters that all steering controllers have."""
 
@@ -149,7 +150,7 @@ class SteeringControllerParameters(BaseParameters):
         check_duration(self, "reference_timeout")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class BicycleSteeringControllerParameters(SteeringControllerParameters):
     """Parameters of a BicycleSteeringController: one driven, one steered wheel."""
 
@@ -170,7 +171,7 @@ class BicycleSteeringControllerParameters(SteeringControllerParameters):
         check_positive(self, "traction_wheel_radius")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class TricycleSteeringControllerParameters(SteeringControllerParameters):
     """Parameters of a TricycleSteeringController: two driven, one steered wheel."""
 
@@ -199,7 +200,7 @@ class TricycleSteeringControllerParameters(SteeringControllerParameters):
         check_positive(self, "traction_track_width", "traction_wheels_radius")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class AckermannSteeringControllerParameters(SteeringControllerParameters):
     """Parameters of an AckermannSteeringController: two driven, two steered wheels."""
 

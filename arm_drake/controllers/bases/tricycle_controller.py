@@ -27,6 +27,7 @@ from arm_drake.description.parameters import (
     check_not_empty,
     check_positive,
 )
+from arm_drake.importing import dataclass
 from arm_drake.messages import NANOSECONDS, Odometry
 from arm_drake.messages.control import AckermannDrive, ResetOdometry
 
@@ -44,7 +45,7 @@ def _check_ranges(limits: Any, *quantities: str) -> None:
             )
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class TractionLimits:
     """Limits of the driven wheel, of either direction, at least 0; NaN is no limit."""
 
@@ -68,7 +69,7 @@ class TractionLimits:
         _check_ranges(self, "velocity", "acceleration", "deceleration", "jerk")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class SteeringLimits:
     """Limits of the steered joint; NaN is no limit."""
 
@@ -88,7 +89,7 @@ class SteeringLimits:
         _check_ranges(self, "position", "velocity", "acceleration")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class TricycleControllerParameters(BaseParameters):
     """Parameters of a TricycleController, whose front wheel drives and steers."""
 

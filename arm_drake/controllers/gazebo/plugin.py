@@ -16,7 +16,6 @@ those beside it; gz-transport, src/TopicUtils.cc; ROS 2's design, "Topic and Ser
 name mapping" and "Static Remapping of Names".
 """
 
-import dataclasses as dc
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -44,6 +43,7 @@ from arm_drake.description.gazebo_plugins import (
     VelocityControl,
     WheelDrive,
 )
+from arm_drake.importing import dataclass
 from arm_drake.messages import NANOSECONDS, Message, Twist
 
 Mask = NDArray[np.bool_]
@@ -59,7 +59,7 @@ class GazeboPidState(NamedTuple):
     error_last: Array
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class GazeboPid(Message):
     """Gains and limits of n PIDs, made by `from_gains`; arrays of shape (n,)."""
 
@@ -178,7 +178,7 @@ def _limits(high: Sequence[float], low: Sequence[float]) -> tuple[Array, Array]:
 Indices = NDArray[np.intp]
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class JointForces(Message):
     """Where n forces act; made by `from_joints`."""
 

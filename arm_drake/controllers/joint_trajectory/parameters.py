@@ -29,6 +29,7 @@ from arm_drake.description.parameters import (
     check_unique,
     per_element_of,
 )
+from arm_drake.importing import dataclass
 from arm_drake.messages import (
     NANOSECONDS,
     ActionRequest,
@@ -69,7 +70,7 @@ _STATES = (
 )
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class JointConstraints:
     """Tolerances of one joint; 0 is not checked."""
 
@@ -87,7 +88,7 @@ class JointConstraints:
         check_at_least(self, 0.0, "max_deceleration_on_cancel")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Constraints:
     """Tolerances where a goal asks for none."""
 
@@ -107,7 +108,7 @@ class Constraints:
         check_at_least(self, 0.0, "goal_time")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class JointGains(PidGains):
     """PID of one joint, which acts on velocity alone or effort alone."""
 
@@ -132,14 +133,14 @@ class JointGains(PidGains):
             adapt_saturation(params)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Gains:
     """PIDs by joint."""
 
     joint: dict[str, JointGains] = per_element_of("joints")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class SpeedScaling:
     """How fast time passes along trajectories."""
 
@@ -155,7 +156,7 @@ class SpeedScaling:
         check_at_least(self, 0.0, "initial_scaling_factor")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class PositionsUpsampling:
     """Spline through positions that come at a low rate."""
 
@@ -169,7 +170,7 @@ class PositionsUpsampling:
         check_at_least(self, 0.0, "policy_frequency")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class JointTrajectoryControllerParameters:
     """Parameters of a JointTrajectoryController."""
 
@@ -312,7 +313,7 @@ class JointTrajectoryControllerParameters:
             raise ValueError(f"{name} must be one of {listed}, got {list(values)}")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ScaledJointTrajectoryControllerParameters(JointTrajectoryControllerParameters):
     """Parameters of ur_controllers' ScaledJointTrajectoryController."""
 

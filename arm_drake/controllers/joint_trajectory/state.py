@@ -25,6 +25,7 @@ from arm_drake.control.pid import Pid, PidState
 from arm_drake.control.tolerances import Mask, Tolerances
 from arm_drake.control.trajectory import Interpolation, Sample, StateBefore, Trajectory
 from arm_drake.errors import suggest
+from arm_drake.importing import dataclass
 from arm_drake.messages import (
     NANOSECONDS,
     ActionRequest,
@@ -50,7 +51,7 @@ from arm_drake.messages.base import append_events, make_lazy
 _EPSILON = 1.1920929e-7
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class TrajectoryRules:
     """What a controller allows in a trajectory."""
 
@@ -217,7 +218,7 @@ class Deceleration(NamedTuple):
     num_points: int
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class JointTrajectoryRules(Message):
     """Numbers of a controller of n joints. New ones may hold from any tick on."""
 

@@ -39,12 +39,13 @@ from arm_drake.description.meshes.surfaces import (
 )
 from arm_drake.description.report import Kind, LoadReport, ReportEntry, Severity
 from arm_drake.errors import MissingExtraError, OutputError, suggest_file
+from arm_drake.importing import dataclass
 
 # Names that this module writes or wrote, including what an interrupted write leaves.
 _OURS = re.compile(r"[0-9a-f]{64}(_\d+)?\.(gltf|obj|json)(\.json)?(\.\w+\.tmp)?")
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class ConvertedMesh:
     """Files that Drake takes with scale 1, and what was reported on the way."""
 
@@ -471,7 +472,7 @@ def describe_loss(*, is_visual: bool) -> tuple[Severity, str]:
     return "error", "nothing collides with it"
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class _Conversion:
     """One mesh on its way to Drake; the fields are those of `convert_visual`."""
 

@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 from arm_drake.description.report import ReportEntry
 from arm_drake.errors import InputError, MissingExtraError
+from arm_drake.importing import dataclass
 
 Array = NDArray[Any]
 Color = tuple[float, float, float, float]
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Surface:
     """Triangles with one look; n vertices, m triangles."""
 

@@ -15,6 +15,7 @@ from pydrake.systems.framework import Context
 
 from arm_drake.arrays import Array
 from arm_drake.errors import check_known
+from arm_drake.importing import dataclass
 from arm_drake.options import GRAVITY
 from arm_drake.plant.kinematics import KinematicPlant
 from arm_drake.visualization.page.parts import Live, Part
@@ -64,7 +65,7 @@ class _Pull:
     target: Array
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class _Push:
     """A force on the center of mass of a body, in the world [N], up to a time [s]."""
 

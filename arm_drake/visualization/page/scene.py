@@ -7,7 +7,6 @@ never destroyed: what a page is done with serves the next page of the same threa
 
 import contextlib
 import ctypes
-import dataclasses as dc
 import logging
 import random
 import socket
@@ -20,6 +19,7 @@ from urllib.parse import urlsplit
 from pydrake.geometry import Meshcat, MeshcatParams
 
 from arm_drake.errors import SimulationError
+from arm_drake.importing import dataclass
 from arm_drake.visualization.page.widgets import Section
 
 
@@ -97,7 +97,7 @@ def give_back(meshcat: Meshcat) -> None:
     _free.meshcats.append(meshcat)
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Event:
     """What somebody did in a browser."""
 

@@ -6,8 +6,10 @@ The names of the fields are those of the page's script, `static/widgets.js`.
 import dataclasses as dc
 from typing import Any
 
+from arm_drake.importing import dataclass
 
-@dc.dataclass(frozen=True)
+
+@dataclass(frozen=True)
 class Slider:
     """A number between two others."""
 
@@ -30,7 +32,7 @@ class Slider:
     hint: str = ""
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Button:
     """Something to click."""
 
@@ -47,14 +49,14 @@ class Button:
     question: str = ""
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Buttons:
     """Buttons beside each other."""
 
     buttons: tuple[Button, ...]
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Toggle:
     """Something that is on or off."""
 
@@ -64,7 +66,7 @@ class Toggle:
     hint: str = ""
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Choice:
     """One of several texts."""
 
@@ -75,7 +77,7 @@ class Choice:
     hint: str = ""
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Text:
     """Text to read."""
 
@@ -87,7 +89,7 @@ class Text:
     can_copy: bool = False
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Item:
     """Something with a state, and buttons that change it."""
 
@@ -100,7 +102,7 @@ class Item:
     buttons: tuple[Button, ...] = ()
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Picture:
     """A picture; a click on it makes it large, and small again."""
 
@@ -120,7 +122,7 @@ class Picture:
 Widget = Slider | Button | Buttons | Toggle | Choice | Text | Item | Picture
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Section:
     """Widgets below a title; a click on it folds them."""
 

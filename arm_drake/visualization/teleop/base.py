@@ -13,6 +13,7 @@ from arm_drake.controllers.cycles import Cycle
 from arm_drake.description.robot import Robot
 from arm_drake.description.ros2_control import InterfaceInfo
 from arm_drake.errors import InputError, suggest
+from arm_drake.importing import dataclass
 from arm_drake.interfaces import ACCELERATION, EFFORT, POSITION, VELOCITY
 from arm_drake.manager import ControllerManager
 from arm_drake.plant.joint_ranges import joint_ranges
@@ -248,7 +249,7 @@ _END = 1.0
 _FAR = 1e4
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Axis:
     """A number that a controller is told about a joint, or about something else."""
 

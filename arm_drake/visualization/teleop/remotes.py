@@ -23,6 +23,7 @@ from arm_drake.description.gazebo_plugins import (
     WheelDrive,
 )
 from arm_drake.errors import InputError, suggest
+from arm_drake.importing import dataclass
 from arm_drake.interfaces import POSITION, VELOCITY
 from arm_drake.messages import (
     Duration,
@@ -453,7 +454,7 @@ _LONGEST = 1e9
 _STEP, _MAX_STEPS = 0.05, 400
 
 
-@dc.dataclass(frozen=True)
+@dataclass(frozen=True)
 class _Plan:
     """A goal on its way, as it was sent."""
 
