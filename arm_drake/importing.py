@@ -46,20 +46,21 @@ def _frozen_dataclass(
     kw_only: bool = False,
 ) -> type:
     """Make a frozen dataclass, of whose methods only `__init__` is compiled."""
-    if any(map(dc.is_dataclass, cls.__mro__[1:])):
-        make = dc.dataclass(init=init, repr=repr, eq=eq, kw_only=kw_only, frozen=True)
-        return make(cls)
-    dc.dataclass(init=False, repr=False, eq=False, kw_only=kw_only)(cls)
-    # Whoever derives from it by the standard library's decorator must do so frozen.
-    cls.__dataclass_params__.frozen = True  # type: ignore[attr-defined]
+    # One that derives from another must be made frozen: two methods more.
+    derives = any(map(dc.is_dataclass, cls.__mro__[1:]))
+    dc.dataclass(init=False, repr=False, eq=False, kw_only=kw_only, frozen=derives)(cls)
+    if not derives:
+        # So that others can derive from it by the standard library's decorator, too.
+        cls.__dataclass_params__.frozen = True  # type: ignore[attr-defined]
     fields, methods = dc.fields(cls), dict[str, Any]()
     if init:
         methods["__init__"] = _init(cls, fields)
     if repr:
         methods["__repr__"] = _repr(fields)
     if eq:
-        methods["__eq__"], methods["__hash__"] = _eq_and_hash(cls, fields)
-    methods["__setattr__"], methods["__delattr__"] = _refusals(cls, fields)
+        methods["__eq__"], methods["__hash__"] = _eq_and_hash(fields)
+    if not derives:
+        methods["__setattr__"], methods["__delattr__"] = _refusals(cls, fields)
     has_hash = cls.__dict__.get("__hash__") is not None
     for name, method in methods.items():
         if name not in cls.__dict__ or (name == "__hash__" and not has_hash):
@@ -121,7 +122,7 @@ def _repr(fields: tuple[dc.Field[Any], ...]) -> Callable[[Any], str]:
 
 
 def _eq_and_hash(
-    cls: type, fields: tuple[dc.Field[Any], ...]
+    fields: tuple[dc.Field[Any], ...],
 ) -> tuple[Callable[[Any, object], bool], Callable[[Any], int]]:
     compared = [field for field in fields if field.compare]
     values = _getter(compared)
