@@ -4,7 +4,7 @@ Sources: ros2_control's controller_manager (jazzy), rcl_interfaces, gazebo_msgs.
 """
 
 import functools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,6 +15,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
 from arm_drake.controllers import list_types
+from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.ros2_control import HardwareInfo
 from arm_drake.errors import ArmDrakeError, InputError, check_known, suggest
 from arm_drake.manager import MANAGER, SWITCH_PORT, ControllerManager
@@ -165,34 +166,47 @@ class _ManagerServices:
         system = controller.system
         if system is None:
             return fields
-        commands = list(system.command_interfaces)
-        references = list(system.reference_interfaces)
+        own = f"{controller.name}/"
+        commands, references = system.command_interfaces, system.reference_interfaces
+        exported = system.exported_interfaces
         chained = []
         for other in self._manager.controllers:
             theirs = other.system.reference_interfaces if other.system else ()
             common = [name for name in commands if name in theirs]
             if common:
-                chained.append({"name": other.name, "reference_interfaces": common})
+                names = _without(f"{other.name}/", common)
+                chained.append({"name": other.name, "reference_interfaces": names})
         return {
             **fields,
             "update_rate": int(system.params.update_rate),
-            "claimed_interfaces": commands if state == "active" else [],
-            "required_command_interfaces": commands,
+            "claimed_interfaces": list(commands) if state == "active" else [],
+            "required_command_interfaces": list(commands),
             "required_state_interfaces": list(system.state_interfaces),
-            "is_chainable": bool(references),
-            "is_chained": state == "active" and bool(claims & set(references)),
-            "exported_state_interfaces": list(system.exported_interfaces),
-            "reference_interfaces": references,
+            "is_chainable": bool(references or exported),
+            "is_chained": state == "active" and not claims.isdisjoint(references),
+            "exported_state_interfaces": _without(own, exported),
+            "reference_interfaces": _without(own, references),
             "chain_connections": chained,
         }
 
     def _list_types(self, call: Call) -> Fields:
-        types = list_types()
-        return {"types": types, "base_classes": [_BASE_CLASS] * len(types)}
+        types, chainable = list_types(), _CHAINABLE
+        if self._manager.robot.distro == "humble":
+            chainable -= _NOT_IN_HUMBLE
+        classes = [f"{'Chainable' * (t in chainable)}{_BASE_CLASS}" for t in types]
+        return {"types": types, "base_classes": [f"{_NAMESPACE}{c}" for c in classes]}
 
     def _list_interfaces(self, call: Call) -> Fields:
-        blocks = self._manager.robot.description.hardware
-        parts = [self._interfaces(block) for block in blocks]
+        states = self._active()
+        claims = self._claimed(states)
+        parts = [
+            *map(self._interfaces, self._manager.robot.description.hardware),
+            *(
+                _exported(controller.system, states[controller.name], claims)
+                for controller in self._manager.controllers
+                if controller.system is not None
+            ),
+        ]
         return {
             kind: [each for part in parts for each in part[kind]] for kind in _KINDS
         }
@@ -219,13 +233,11 @@ class _ManagerServices:
         components = (*block.joints, *block.sensors, *block.gpios)
         return {
             kind: [
-                {
-                    "name": f"{component.name}/{interface.name}",
-                    "data_type": "double",
-                    "is_available": True,
-                    "is_claimed": f"{component.name}/{interface.name}" in claimed
-                    and kind == "command_interfaces",
-                }
+                _interface(
+                    name := f"{component.name}/{interface.name}",
+                    interface.data_type,
+                    is_claimed=name in claimed and kind == "command_interfaces",
+                )
                 for component in components
                 for interface in getattr(component, kind)
             ]
@@ -296,7 +308,65 @@ class _ManagerServices:
 
 
 _KINDS = ("command_interfaces", "state_interfaces")
-_BASE_CLASS = "controller_interface::ControllerInterface"
+_NAMESPACE, _BASE_CLASS = "controller_interface::", "ControllerInterface"
+
+# Types that export interfaces to other controllers, and which don't in humble.
+_NOT_IN_HUMBLE = frozenset(
+    {
+        "diff_drive_controller/DiffDriveController",
+        "force_torque_sensor_broadcaster/ForceTorqueSensorBroadcaster",
+        "imu_sensor_broadcaster/IMUSensorBroadcaster",
+    }
+)
+_CHAINABLE = _NOT_IN_HUMBLE | {
+    "ackermann_steering_controller/AckermannSteeringController",
+    "admittance_controller/AdmittanceController",
+    "bicycle_steering_controller/BicycleSteeringController",
+    "chained_filter_controller/ChainedFilter",
+    "mecanum_drive_controller/MecanumDriveController",
+    "omni_wheel_drive_controller/OmniWheelDriveController",
+    "passthrough_controller/PassthroughController",
+    "pid_controller/PidController",
+    "tricycle_steering_controller/TricycleSteeringController",
+}
+
+
+def _without(prefix: str, names: Iterable[str]) -> list[str]:
+    return [name.removeprefix(prefix) for name in names]
+
+
+def _interface(
+    name: str,
+    data_type: str = "double",
+    *,
+    is_available: bool = True,
+    is_claimed: bool = False,
+) -> Fields:
+    return {
+        "name": name,
+        "data_type": data_type,
+        "is_available": is_available,
+        "is_claimed": is_claimed,
+    }
+
+
+def _exported(system: ControllerInterface, state: str, claims: set[str]) -> Fields:
+    """Return what a controller adds to the interfaces of the hardware.
+
+    References are available as long as another controller commands one of them.
+    """
+    is_active, references = state == "active", system.reference_interfaces
+    is_chained = is_active and not claims.isdisjoint(references)
+    return {
+        "command_interfaces": [
+            _interface(name, is_available=is_chained, is_claimed=name in claims)
+            for name in references
+        ],
+        "state_interfaces": [
+            _interface(name, is_available=is_active)
+            for name in system.exported_interfaces
+        ],
+    }
 
 
 def _seconds(duration: Fields) -> float:
