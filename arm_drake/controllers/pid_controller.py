@@ -466,8 +466,8 @@ class PidController(TopicController[PidControllerState]):
         command = pid(r - y, dr/dt - dy/dt) + feedforward_gain * (dr/dt if m = 2 else r)
 
     References are sorted by the names in the message, where upstream takes them in the
-    order in which they come. One that is NaN leaves the last one in effect. Humble's
-    service `set_feedforward_control` is the parameter ``enable_feedforward``.
+    order in which they come. One that is NaN leaves the last one in effect. The service
+    `set_feedforward_control` of humble and jazzy sets ``enable_feedforward``.
     """
 
     reads_by_now = True

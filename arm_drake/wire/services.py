@@ -396,6 +396,13 @@ def _controller_services(
             call = functools.partial(_reset_odometry, simulation, name)
             path, type_ = f"/{name}/reset_odometry", "std_srvs/srv/Empty"
             yield Service(path, type_, f"/{name}", call, acts=True)
+        distro = manager.robot.distro
+        if controller.type == "pid_controller/PidController" and (
+            distro in _WITH_FEEDFORWARD
+        ):
+            call = functools.partial(_set_feedforward, simulation, name)
+            path, type_ = f"/{name}/set_feedforward_control", "std_srvs/srv/SetBool"
+            yield Service(path, type_, f"/{name}", call, acts=True)
 
 
 def _task_space_services(
@@ -441,6 +448,16 @@ def _reset_odometry(simulation: Simulation, controller: str, call: Call) -> Fiel
     topic = simulation.topic(f"/{controller}/reset_odometry")
     topic.publish(ResetOdometry(), where=call.sender)
     return {}
+
+
+# Distros whose pid_controller has a service for its parameter enable_feedforward.
+_WITH_FEEDFORWARD = ("humble", "jazzy")
+
+
+def _set_feedforward(simulation: Simulation, controller: str, call: Call) -> Fields:
+    change = {"enable_feedforward": call.request["data"]}
+    simulation.controller(controller).set_parameters(change)
+    return {"success": True, "message": ""}
 
 
 class Parameters:

@@ -1,4 +1,4 @@
-"""What a controller manager's services list, as ros2_control's own does."""
+"""Services of a controller manager and its controllers, as ros2_control's own."""
 
 from pathlib import Path
 from typing import Any
@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 import arm_drake as ad
+from arm_drake.messages import MultiDOFCommand
 from arm_drake.wire.graph import Call
 from arm_drake.wire.server import RosServer
 from tests import models
@@ -34,7 +35,7 @@ pid:
     dof_names: [swing]
     command_interface: position
     reference_and_state_interfaces: [position]
-    gains: {swing: {p: 1.0}}
+    gains: {swing: {p: 0.0, feedforward_gain: 2.0}}
 """
 
 
@@ -164,3 +165,34 @@ def test_types_are_listed_with_their_base_classes(
     diff_drive = "diff_drive_controller/DiffDriveController"
     assert classes[diff_drive] == f"{space}{prefix}{base}"
     assert list(classes.values()).count(f"{space}Chainable{base}") == num_chainable
+
+
+@pytest.mark.parametrize("distro", ["humble", "jazzy"])
+def test_the_feedforward_of_a_pid_is_switched_by_its_service(
+    tmp_path: Path, distro: str
+) -> None:
+    sim = simulate(tmp_path, PID, distro=distro)
+    service = RosServer(sim, ()).graph.services["/pid/set_feedforward_control"]
+    sim.topic("/pid/reference").publish(MultiDOFCommand(("swing",), (0.1,)))
+
+    def command_after(time: float) -> float:
+        sim.advance_to(time)
+        return float(sim.rollout().command[-1, 0])
+
+    before = command_after(0.1)
+    answer = service.call(Call({"data": True}, "tester", lambda fields: None))
+    switched_on = command_after(0.2)
+    service.call(Call({"data": False}, "tester", lambda fields: None))
+
+    assert answer == {"success": True, "message": ""}
+    assert (before, switched_on) == (0.0, pytest.approx(0.2))
+    assert command_after(0.3) == 0.0
+
+
+def test_later_distros_have_no_such_service(tmp_path: Path) -> None:
+    sim = simulate(tmp_path, PID, distro="kilted")
+
+    services = RosServer(sim, ()).graph.services
+
+    assert "/pid/get_parameters" in services
+    assert "/pid/set_feedforward_control" not in services
