@@ -73,8 +73,8 @@ class DofGains(PidGains):
     # Whether the integral term stays over a deactivation.
     save_i_term: bool = True
 
-    # Whether the PID's own state is published; without effect, see controller_state.
-    activate_state_publisher: bool = False
+    # Whether the PID's own state is published too; controller_state tells most of it.
+    activate_state_publisher: Annotated[bool, Rule(only=False)] = False
 
     @staticmethod
     def adapt(params: ParameterGroup) -> None:
