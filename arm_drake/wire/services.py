@@ -353,14 +353,13 @@ def _interface(
 def _exported(system: ControllerInterface, state: str, claims: set[str]) -> Fields:
     """Return what a controller adds to the interfaces of the hardware.
 
-    References are available as long as another controller commands one of them.
+    Source: ros2_control, pull request 1098: they are available while it is active.
     """
-    is_active, references = state == "active", system.reference_interfaces
-    is_chained = is_active and not claims.isdisjoint(references)
+    is_active = state == "active"
     return {
         "command_interfaces": [
-            _interface(name, is_available=is_chained, is_claimed=name in claims)
-            for name in references
+            _interface(name, is_available=is_active, is_claimed=name in claims)
+            for name in system.reference_interfaces
         ],
         "state_interfaces": [
             _interface(name, is_available=is_active)

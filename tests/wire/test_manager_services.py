@@ -94,7 +94,7 @@ def test_a_controller_that_exports_states_is_chainable(tmp_path: Path) -> None:
     assert row["exported_state_interfaces"] == ["swing/position"]
 
 
-def test_references_are_listed_as_interfaces_that_are_available_in_a_chain(
+def test_references_are_listed_as_interfaces_that_are_available_while_active(
     tmp_path: Path,
 ) -> None:
     sim = simulate(tmp_path, CHAIN)
@@ -102,17 +102,21 @@ def test_references_are_listed_as_interfaces_that_are_available_in_a_chain(
     chained = marks(sim, "command_interfaces")
     sim.switch_controllers(deactivate=["commander"])
     sim.advance_to(0.1)
+    free = marks(sim, "command_interfaces")
+    sim.switch_controllers(deactivate=["second"])
+    sim.advance_to(0.15)
 
+    reference = "second/first/swing/position"
     assert chained == {
         "swing/position": (True, True),
         "first/swing/position": (True, True),
-        "second/first/swing/position": (True, True),
+        reference: (True, True),
     }
+    assert free == {**chained, reference: (True, False)}
     assert marks(sim, "command_interfaces") == {
         "swing/position": (True, True),
-        "first/swing/position": (True, True),
-        # It is active, but what it does comes from its topic.
-        "second/first/swing/position": (False, False),
+        "first/swing/position": (True, False),
+        reference: (False, False),
     }
 
 
