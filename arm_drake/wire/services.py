@@ -5,7 +5,7 @@ Sources: ros2_control's controller_manager (jazzy), rcl_interfaces, gazebo_msgs.
 
 import functools
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
@@ -26,6 +26,7 @@ from arm_drake.messages import (
     SetOdometry,
     SwitchController,
 )
+from arm_drake.messages.control import Strictness
 from arm_drake.planning.groups import find_group, find_receiver
 from arm_drake.simulation.clients import is_changeable, list_parameters
 from arm_drake.simulation.simulation import Simulation
@@ -38,8 +39,9 @@ _RCL = "rcl_interfaces/srv"
 # A switch that names no time may take so long [s] of wall time.
 _LONGEST_SWITCH = 60.0
 
-# controller_manager_msgs/srv/SwitchController.
-_BEST_EFFORT, _STRICT = 1, 2
+# controller_manager_msgs/srv/SwitchController: 0 is the default, STRICT, and all others
+# are BEST_EFFORT, for AUTO and FORCE_AUTO do no more in ros2_control so far.
+_STRICTNESS: Mapping[int, Strictness | Literal[""]] = {0: "", 2: "strict"}
 
 Fields = dict[str, Any]
 
@@ -290,12 +292,8 @@ class _ManagerServices:
         ]
         if not (activate or deactivate):
             return {"ok": True, "message": "no controllers are named"}
-        strictness = "strict" if request["strictness"] != _BEST_EFFORT else ""
-        if request["strictness"] == 0:
-            strictness = ""
-        elif request["strictness"] == _BEST_EFFORT:
-            strictness = "best_effort"
-        switch: Any = SwitchController(tuple(activate), tuple(deactivate), strictness)  # type: ignore[arg-type]
+        strictness = _STRICTNESS.get(request["strictness"], "best_effort")
+        switch: Any = SwitchController(tuple(activate), tuple(deactivate), strictness)
         simulation = self._host.simulation
         robot = self._manager.robot.name
         _, local = simulation.directory.address(switch, robot)

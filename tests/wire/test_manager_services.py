@@ -134,6 +134,46 @@ def test_exported_states_are_available_as_long_as_their_controller_is_active(
     assert marks(sim, "state_interfaces")["pid/swing/position"] == (False, False)
 
 
+@pytest.mark.parametrize(
+    ("strictness", "is_switched"),
+    [(1, True), (2, False), (3, True), (4, True)],
+)
+def test_only_strict_switches_do_all_or_nothing(
+    tmp_path: Path, strictness: int, is_switched: bool
+) -> None:
+    # AUTO and FORCE_AUTO, 3 and 4, aren't more than BEST_EFFORT in ros2_control so far.
+    sim = simulate(tmp_path, CHAIN)
+    service = RosServer(sim, ()).graph.services["/controller_manager/switch_controller"]
+    request = {
+        "activate_controllers": ["first"],  # it is active
+        "deactivate_controllers": ["commander"],
+        "strictness": strictness,
+        "timeout": {"sec": 0, "nanosec": 0},
+    }
+    answers: list[dict[str, Any]] = []
+
+    service.call(Call(request, "tester", answers.append))
+    sim.advance_to(0.1)
+
+    states = {row.name: row.state for row in sim.list_controllers()}
+    assert states["commander"] == ("inactive" if is_switched else "active")
+    assert [answer["ok"] for answer in answers] == [is_switched]
+
+
+@pytest.mark.parametrize(
+    ("distro", "state"), [("humble", "inactive"), ("jazzy", "active")]
+)
+def test_best_effort_goes_on_without_what_is_unknown_in_humble(
+    tmp_path: Path, distro: str, state: str
+) -> None:
+    sim = simulate(tmp_path, PID, distro=distro)
+
+    sim.switch_controllers(["missing"], ["pid"], strictness="best_effort")
+    sim.advance_to(0.1)
+
+    assert [row.state for row in sim.list_controllers()] == [state]
+
+
 @pytest.mark.parametrize("service", ["interfaces", "components"])
 def test_interfaces_are_listed_with_their_types(tmp_path: Path, service: str) -> None:
     state = '<state_interface name="effort"/>'
