@@ -1,7 +1,7 @@
 """The ``force_torque_sensor_broadcaster/ForceTorqueSensorBroadcaster``.
 
-Source: ros2_controllers, `force_torque_sensor_broadcaster` (version 6.9.0), and
-filters, `filter_chain.hpp`.
+Sources: ros2_controllers, `force_torque_sensor_broadcaster` (version 6.9.0); filters,
+`filter_chain.hpp`; control_toolbox, `gravity_compensation.cpp` (version 6.0.0).
 """
 
 import dataclasses as dc
@@ -12,6 +12,7 @@ from typing import Annotated, Any, ClassVar, Final, NamedTuple
 import numpy as np
 
 from arm_drake.arrays import Array
+from arm_drake.control.admittance import ChainKinematics
 from arm_drake.control.filters import (
     ChainState,
     FilterChain,
@@ -23,7 +24,7 @@ from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import SteadyTicks, UpdateResult
 from arm_drake.controllers.topics import SensorBroadcaster, SteadyBroadcast
 from arm_drake.description.parameters import ParameterGroup, Rule, check_not_empty
-from arm_drake.errors import ParameterError
+from arm_drake.errors import ParameterError, suggest
 from arm_drake.importing import dataclass
 from arm_drake.interfaces import FORCES
 from arm_drake.messages import Header, Vector3, Wrench, WrenchStamped
@@ -34,13 +35,22 @@ _AXES: Final = tuple((part, axis) for part in ("force", "torque") for axis in "x
 # Group of the filters' parameters.
 _CHAIN: Final = "sensor_filter_chain"
 
-# The filter of wrenches there is, and its parameters.
-_FILTER_TYPE: Final = "control_filters/LowPassFilterWrench"
-_FILTER_PARAMETERS: Final = (
-    "sampling_frequency",
-    "damping_frequency",
-    "damping_intensity",
-)
+# Filters of wrenches, and their parameters.
+_SMOOTHING: Final = "control_filters/LowPassFilterWrench"
+_GRAVITY: Final = "control_filters/GravityCompensationWrench"
+_FILTERS: Final = {
+    _SMOOTHING: ("sampling_frequency", "damping_frequency", "damping_intensity"),
+    _GRAVITY: (
+        "world_frame",
+        "sensor_frame",
+        "tool.mass",
+        "tool.CoG",
+        "tool.gravity_field",
+    ),
+}
+
+# Gravity where none is given [m/s^2].
+_GRAVITY_FIELD: Final = (0.0, 0.0, -9.81)
 
 
 @dataclass(frozen=True)
@@ -118,8 +128,7 @@ class ForceTorqueSensorBroadcasterParameters:
         """Report what belongs to no filter."""
         if params.is_before("jazzy"):
             return
-        known = {_FILTER_TYPE: _FILTER_PARAMETERS}
-        for name, why in find_unused(params.group(_CHAIN), known).items():
+        for name, why in find_unused(params.group(_CHAIN), _FILTERS).items():
             what = f"{_CHAIN}.{name}"
             params.add(what, "warning", "ignored", why, "it has no effect")
 
@@ -150,8 +159,9 @@ class ForceTorqueSensorBroadcaster(
 
         wrench = (measured + offset) * multiplier
 
-    Filters are applied one after the other, to each axis by itself; they go on where
-    they were when the broadcaster is activated again.
+    Filters are applied one after the other; they go on where they were when the
+    broadcaster is activated again. `GravityCompensationWrench` knows from the measured
+    positions of joints how the sensor stands.
     """
 
     reads_by_now = True
@@ -176,18 +186,22 @@ class ForceTorqueSensorBroadcaster(
         params: ControllerInterfaceParams,
     ) -> None:
         """Create the system."""
-        self._filters = FilterChain(make_filters(parameters.sensor_filter_chain))
+        chain = make_filters(parameters.sensor_filter_chain)
+        filters, joints = _place(chain, parameters.frame_id, params)
+        self._filters = filters
         names = _of_axes(parameters.interface_names)
         if parameters.sensor_name:
             names = [f"{parameters.sensor_name}/{name}" for name in FORCES]
         nothing = WrenchStamped()
-        initial = self._filters.initial(len(_AXES))
+        states = tuple(FilterState.initial(len(_AXES)) for _ in filters)
+        initial = ChainState(states, np.full(len(_AXES), np.nan))
         super().__init__(
             parameters,
             params,
             ForceTorqueSensorBroadcasterState(nothing, nothing, initial),
             state_interfaces=tuple(name for name in names if name),
-            without=() if self._filters.filters else ("wrench_filtered",),
+            positions_of=joints,
+            without=() if filters else ("wrench_filtered",),
         )
         # Where what is read stands in the wrench.
         self._at = [index for index, name in enumerate(names) if name]
@@ -199,14 +213,23 @@ class ForceTorqueSensorBroadcaster(
         self, header: Header, values: Array, last: ForceTorqueSensorBroadcasterState
     ) -> ForceTorqueSensorBroadcasterState:
         wrench = self._find_wrench(values)
-        return self._show(header, wrench, self._filters.update(last.filters, wrench))
+        return self._show(header, wrench, self._filter(last.filters, wrench, values))
 
     def _find_wrench(self, values: Array) -> Array:
         """Return a wrench, not filtered, shape (6,)."""
         wrench = np.full(len(_AXES), math.nan)
-        wrench[self._at] = values
+        wrench[self._at] = values[: len(self._at)]
         wrench = (wrench + self._offset) * self._multiplier
         return wrench
+
+    def _filter(self, last: ChainState, wrench: Array, values: Array) -> ChainState:
+        """Return what the filters remember after a wrench, shape (6,)."""
+        q = values[len(self._at) :]
+        filters = tuple(
+            each.at(q) if isinstance(each, GravityCompensation) else each
+            for each in self._filters
+        )
+        return FilterChain(filters).update(last, wrench)
 
     def _show(
         self, header: Header, wrench: Array, filters: ChainState
@@ -243,9 +266,9 @@ class _SteadyFilters(SteadyBroadcast[ForceTorqueSensorBroadcasterState]):
     ) -> Sequence[float]:
         """Return no values; the wrench goes through the filters."""
         del time_ns
-        wrench = self._system._find_wrench(self._values(motions))
-        filters = self._system._filters.update(_to_state(memory), wrench)
-        memory[:] = _to_numbers(filters)
+        system, values = self._system, self._values(motions)
+        wrench = system._find_wrench(values)
+        memory[:] = _to_numbers(system._filter(_to_state(memory), wrench, values))
         return ()
 
     def commands_ahead(self, times_ns: Sequence[int]) -> None:
@@ -282,9 +305,106 @@ def make_wrench(values: Array) -> Wrench:
     return Wrench(Vector3(*numbers[:3]), Vector3(*numbers[3:]))
 
 
-def make_filters(chain: Mapping[str, Any]) -> tuple[LowPassFilter, ...]:
+class ToolWeight(NamedTuple):
+    """What the gravity compensation of a tool is given."""
+
+    # Frame in which gravity is given, and that in which the center of gravity is.
+    world_frame: str
+    sensor_frame: str
+
+    # Weight [N] and center of gravity [m], each of shape (3,).
+    weight: Array
+    center_of_gravity: Array
+
+
+class WrenchDifference(NamedTuple):
+    """Takes a wrench off another, both of shape (6,)."""
+
+    wrench: Array
+
+    def initial(self, n: int) -> FilterState:
+        """Return the state of n channels before the first sample."""
+        return FilterState.initial(n)
+
+    def update(self, state: FilterState, sample: Array) -> FilterState:
+        """Return the state after a sample; it holds the output."""
+        del state
+        return FilterState(sample, sample - self.wrench)
+
+
+class GravityCompensation(NamedTuple):
+    """Takes the weight of a tool off a wrench in a frame F of the robot.
+
+    With S the sensor's frame, seen from the frame W in which gravity is given, c the
+    tool's center of gravity and f its weight::
+
+        force -= R_FW f,  torque -= R_FW ((p_WS + R_WS c - p_WF) x f)
+    """
+
+    tool: ToolWeight
+    frame: str
+
+    # Seen from the tool's world_frame.
+    kinematics: ChainKinematics
+
+    def at(self, q: Array) -> WrenchDifference:
+        """Return what takes off the weight at joint positions [rad] or [m]."""
+        X_WS = self.kinematics.pose(q, self.tool.sensor_frame)
+        X_WF = self.kinematics.pose(q, self.frame)
+        f = self.tool.weight
+        arm = X_WS[:3, :3] @ self.tool.center_of_gravity + X_WS[:3, 3] - X_WF[:3, 3]
+        R_FW = X_WF[:3, :3].T
+        return WrenchDifference(np.concatenate([R_FW @ f, R_FW @ np.cross(arm, f)]))
+
+
+def _place(
+    filters: Sequence[LowPassFilter | ToolWeight],
+    frame: str,
+    params: ControllerInterfaceParams,
+) -> tuple[tuple[LowPassFilter | GravityCompensation, ...], tuple[str, ...]]:
+    """Return filters that know where the robot's frames are.
+
+    Also the joints whose positions they need, in the order of `GravityCompensation.at`.
+    """
+    joints: dict[str, None] = {}
+    for number, each in enumerate(filters, start=1):
+        if isinstance(each, ToolWeight):
+            prefix = f"{_CHAIN}.filter{number}.params."
+            for key, link in (
+                (f"{prefix}world_frame", each.world_frame),
+                (f"{prefix}sensor_frame", each.sensor_frame),
+                ("frame_id", frame),
+            ):
+                if link not in params.links:
+                    what = f"the robot has no link {link!r}"
+                    raise ParameterError(
+                        f"{key}: {what}; {suggest(link, params.links)}"
+                    )
+            chain = _make_kinematics(each, (), params)
+            joints |= dict.fromkeys(chain.joints_to(each.sensor_frame))
+            joints |= dict.fromkeys(chain.joints_to(frame))
+    names = tuple(joints)
+    placed = (
+        GravityCompensation(each, frame, _make_kinematics(each, names, params))
+        if isinstance(each, ToolWeight)
+        else each
+        for each in filters
+    )
+    return tuple(placed), names
+
+
+def _make_kinematics(
+    tool: ToolWeight, joints: tuple[str, ...], params: ControllerInterfaceParams
+) -> ChainKinematics:
+    """Return the kinematics of joints, seen from a tool's `world_frame`."""
+    if params.make_kinematics is None:
+        raise ParameterError(f"{_CHAIN}: nothing is known of the robot's kinematics")
+    return params.make_kinematics(joints, tool.world_frame)
+
+
+def make_filters(chain: Mapping[str, Any]) -> tuple[LowPassFilter | ToolWeight, ...]:
     """Return the filters of a wrench, in their order."""
-    filters: list[LowPassFilter] = []
+    filters: list[LowPassFilter | ToolWeight] = []
     names: list[str] = []
     while True:
         prefix = f"filter{len(filters) + 1}"
@@ -293,26 +413,52 @@ def make_filters(chain: Mapping[str, Any]) -> tuple[LowPassFilter, ...]:
         name, kind = (_take(chain, f"{prefix}.{n}", str) for n in ("name", "type"))
         if name in names:
             raise _error(f"{prefix}.name", f"must not repeat a name, got {name!r}")
-        if kind != _FILTER_TYPE:
-            raise _error(f"{prefix}.type", f"expected {_FILTER_TYPE!r}, got {kind!r}")
-        keys = [f"{prefix}.params.{n}" for n in _FILTER_PARAMETERS]
-        values = [_take(chain, key, float) for key in keys]
-        try:
-            filters.append(LowPassFilter(*values))
-        except ValueError as error:
-            raise _error(f"{prefix}.params", str(error)) from None
+        if kind == _SMOOTHING:
+            filters.append(_make_low_pass(chain, f"{prefix}.params"))
+        elif kind == _GRAVITY:
+            filters.append(_make_tool_weight(chain, f"{prefix}.params"))
+        else:
+            what = f"no filter of wrenches {kind!r}; {suggest(kind, _FILTERS)}"
+            raise _error(f"{prefix}.type", what)
         names.append(name)
 
 
-def _take(chain: Mapping[str, Any], key: str, kind: type) -> Any:
-    """Return a parameter of a filter that is a string or a float."""
+def _make_low_pass(chain: Mapping[str, Any], prefix: str) -> LowPassFilter:
+    values = [_take(chain, f"{prefix}.{n}", float) for n in _FILTERS[_SMOOTHING]]
+    try:
+        return LowPassFilter(*values)
+    except ValueError as error:
+        raise _error(prefix, str(error)) from None
+
+
+def _make_tool_weight(chain: Mapping[str, Any], prefix: str) -> ToolWeight:
+    frames = (f"{prefix}.{name}" for name in ("world_frame", "sensor_frame"))
+    world, sensor = (_take(chain, key, str) for key in frames)
+    mass: float = _take(chain, f"{prefix}.tool.mass", float)
+    center = _take_vector(chain, f"{prefix}.tool.CoG")
+    key = f"{prefix}.tool.gravity_field"
+    field = _take_vector({key: _GRAVITY_FIELD, **chain}, key)
+    return ToolWeight(world, sensor, mass * field, center)
+
+
+def _take_vector(chain: Mapping[str, Any], key: str) -> Array:
+    """Return a parameter of a filter that is three numbers."""
+    values = _take(chain, key, list | tuple)
+    if len(values) != 3 or not all(type(each) in (int, float) for each in values):
+        raise _error(key, f"expected 3 floats, got {list(values)}")
+    return np.array(values, dtype=float)
+
+
+def _take(chain: Mapping[str, Any], key: str, kind: Any) -> Any:
+    """Return a parameter of a filter that is a string, a float or a list."""
     if key not in chain:
         raise _error(key, "is required but missing")
     value = chain[key]
     if kind is float and type(value) is int:
         return float(value)
     if not isinstance(value, kind):
-        raise _error(key, f"expected {kind.__name__}, got {value!r}")
+        expected = getattr(kind, "__name__", "list of float")
+        raise _error(key, f"expected {expected}, got {value!r}")
     return value
 
 

@@ -73,8 +73,8 @@ class DofGains(PidGains):
     # Whether the integral term stays over a deactivation.
     save_i_term: bool = True
 
-    # Whether the PID's own state is published; without effect, see controller_state.
-    activate_state_publisher: bool = False
+    # Whether the PID's own state is published too; controller_state tells most of it.
+    activate_state_publisher: Annotated[bool, Rule(only=False)] = False
 
     @staticmethod
     def adapt(params: ParameterGroup) -> None:
@@ -466,8 +466,8 @@ class PidController(TopicController[PidControllerState]):
         command = pid(r - y, dr/dt - dy/dt) + feedforward_gain * (dr/dt if m = 2 else r)
 
     References are sorted by the names in the message, where upstream takes them in the
-    order in which they come. One that is NaN leaves the last one in effect. Humble's
-    service `set_feedforward_control` is the parameter ``enable_feedforward``.
+    order in which they come. One that is NaN leaves the last one in effect. The service
+    `set_feedforward_control` of humble and jazzy sets ``enable_feedforward``.
     """
 
     reads_by_now = True

@@ -284,9 +284,13 @@ class SensorBroadcaster(TickingController[S]):
         initial: S | None = None,
         *,
         state_interfaces: tuple[str, ...] = (),
+        positions_of: tuple[str, ...] = (),
         without: Collection[str] = (),
     ) -> None:
-        """Create the system."""
+        """Create the system.
+
+        Positions of the joints `positions_of` are read behind the `state_interfaces`.
+        """
         own, read = params.controller_name, state_interfaces
         if self.names:
             read = tuple(f"{parameters.sensor_name}/{name}" for name in self.names)
@@ -294,7 +298,7 @@ class SensorBroadcaster(TickingController[S]):
         super().__init__(
             params,
             self.message() if initial is None else initial,
-            state_interfaces=read,
+            state_interfaces=(*read, *(f"{joint}/position" for joint in positions_of)),
             exported_interfaces=tuple(f"{own}/{n}" for n in read if is_exported),
         )
         self._parameters = parameters

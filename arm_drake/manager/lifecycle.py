@@ -170,6 +170,7 @@ class Lifecycle:
             request.activate_controllers,
             request.deactivate_controllers,
             strict=self._is_strict if not strictness else strictness == "strict",
+            is_humble=self._distro == "humble",
         )
         if self._refuse is not None and (plan.activate or plan.deactivate):
             start, stop = self.claims(plan.activate), self.claims(plan.deactivate)

@@ -207,6 +207,7 @@ def plan_switch(
     deactivate: Sequence[str],
     *,
     strict: bool,
+    is_humble: bool = False,
 ) -> SwitchPlan:
     """Return what happens if a switch of controllers is asked for.
 
@@ -216,7 +217,8 @@ def plan_switch(
     is left out. Being active or inactive already is no failure. As the service says
     since jazzy, the result is not ok if all controllers to activate fail, or all to
     deactivate, even if something was done; if all of either are unknown, nothing is
-    done. Of two that claim the same interface the first gets it.
+    done. In humble it is ok whatever fails (ros2_control, pull request 2060). Of two
+    that claim the same interface the first gets it.
 
     A follower can be deactivated only if none of its predecessors stays active, also if
     it is activated again in the same switch: one that is in both lists restarts.
@@ -228,7 +230,7 @@ def plan_switch(
     else:
         switch.take_out_problems()
     problems = tuple(switch.problems)
-    if switch.has_unknown_list or (strict and problems):
+    if (switch.has_unknown_list and not is_humble) or (strict and problems):
         return SwitchPlan((), (), False, problems)
     owners = interface_owners(controllers)
     needs = {name: tuple(needs_of(c, owners)) for name, c in controllers.items()}
@@ -242,7 +244,7 @@ def plan_switch(
     return SwitchPlan(
         activate=order(switch.activate, needs),
         deactivate=order(switch.deactivate, users),
-        ok=switch.is_ok,
+        ok=is_humble or switch.is_ok,
         problems=problems,
         restart=tuple(name for name in controllers if name in changed & stay),
     )

@@ -4,8 +4,8 @@ Sources: ros2_control's controller_manager (jazzy), rcl_interfaces, gazebo_msgs.
 """
 
 import functools
-from collections.abc import Callable, Iterator, Mapping
-from typing import Any, Protocol
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
@@ -15,6 +15,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
 from arm_drake.controllers import list_types
+from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.ros2_control import HardwareInfo
 from arm_drake.errors import ArmDrakeError, InputError, check_known, suggest
 from arm_drake.manager import MANAGER, SWITCH_PORT, ControllerManager
@@ -25,6 +26,7 @@ from arm_drake.messages import (
     SetOdometry,
     SwitchController,
 )
+from arm_drake.messages.control import Strictness
 from arm_drake.planning.groups import find_group, find_receiver
 from arm_drake.simulation.clients import is_changeable, list_parameters
 from arm_drake.simulation.simulation import Simulation
@@ -37,8 +39,9 @@ _RCL = "rcl_interfaces/srv"
 # A switch that names no time may take so long [s] of wall time.
 _LONGEST_SWITCH = 60.0
 
-# controller_manager_msgs/srv/SwitchController.
-_BEST_EFFORT, _STRICT = 1, 2
+# controller_manager_msgs/srv/SwitchController: 0 is the default, STRICT, and all others
+# are BEST_EFFORT, for AUTO and FORCE_AUTO do no more in ros2_control so far.
+_STRICTNESS: Mapping[int, Strictness | Literal[""]] = {0: "", 2: "strict"}
 
 Fields = dict[str, Any]
 
@@ -165,34 +168,47 @@ class _ManagerServices:
         system = controller.system
         if system is None:
             return fields
-        commands = list(system.command_interfaces)
-        references = list(system.reference_interfaces)
+        own = f"{controller.name}/"
+        commands, references = system.command_interfaces, system.reference_interfaces
+        exported = system.exported_interfaces
         chained = []
         for other in self._manager.controllers:
             theirs = other.system.reference_interfaces if other.system else ()
             common = [name for name in commands if name in theirs]
             if common:
-                chained.append({"name": other.name, "reference_interfaces": common})
+                names = _without(f"{other.name}/", common)
+                chained.append({"name": other.name, "reference_interfaces": names})
         return {
             **fields,
             "update_rate": int(system.params.update_rate),
-            "claimed_interfaces": commands if state == "active" else [],
-            "required_command_interfaces": commands,
+            "claimed_interfaces": list(commands) if state == "active" else [],
+            "required_command_interfaces": list(commands),
             "required_state_interfaces": list(system.state_interfaces),
-            "is_chainable": bool(references),
-            "is_chained": state == "active" and bool(claims & set(references)),
-            "exported_state_interfaces": list(system.exported_interfaces),
-            "reference_interfaces": references,
+            "is_chainable": bool(references or exported),
+            "is_chained": state == "active" and not claims.isdisjoint(references),
+            "exported_state_interfaces": _without(own, exported),
+            "reference_interfaces": _without(own, references),
             "chain_connections": chained,
         }
 
     def _list_types(self, call: Call) -> Fields:
-        types = list_types()
-        return {"types": types, "base_classes": [_BASE_CLASS] * len(types)}
+        types, chainable = list_types(), _CHAINABLE
+        if self._manager.robot.distro == "humble":
+            chainable -= _NOT_IN_HUMBLE
+        classes = [f"{'Chainable' * (t in chainable)}{_BASE_CLASS}" for t in types]
+        return {"types": types, "base_classes": [f"{_NAMESPACE}{c}" for c in classes]}
 
     def _list_interfaces(self, call: Call) -> Fields:
-        blocks = self._manager.robot.description.hardware
-        parts = [self._interfaces(block) for block in blocks]
+        states = self._active()
+        claims = self._claimed(states)
+        parts = [
+            *map(self._interfaces, self._manager.robot.description.hardware),
+            *(
+                _exported(controller.system, states[controller.name], claims)
+                for controller in self._manager.controllers
+                if controller.system is not None
+            ),
+        ]
         return {
             kind: [each for part in parts for each in part[kind]] for kind in _KINDS
         }
@@ -219,13 +235,11 @@ class _ManagerServices:
         components = (*block.joints, *block.sensors, *block.gpios)
         return {
             kind: [
-                {
-                    "name": f"{component.name}/{interface.name}",
-                    "data_type": "double",
-                    "is_available": True,
-                    "is_claimed": f"{component.name}/{interface.name}" in claimed
-                    and kind == "command_interfaces",
-                }
+                _interface(
+                    name := f"{component.name}/{interface.name}",
+                    interface.data_type,
+                    is_claimed=name in claimed and kind == "command_interfaces",
+                )
                 for component in components
                 for interface in getattr(component, kind)
             ]
@@ -278,12 +292,8 @@ class _ManagerServices:
         ]
         if not (activate or deactivate):
             return {"ok": True, "message": "no controllers are named"}
-        strictness = "strict" if request["strictness"] != _BEST_EFFORT else ""
-        if request["strictness"] == 0:
-            strictness = ""
-        elif request["strictness"] == _BEST_EFFORT:
-            strictness = "best_effort"
-        switch: Any = SwitchController(tuple(activate), tuple(deactivate), strictness)  # type: ignore[arg-type]
+        strictness = _STRICTNESS.get(request["strictness"], "best_effort")
+        switch: Any = SwitchController(tuple(activate), tuple(deactivate), strictness)
         simulation = self._host.simulation
         robot = self._manager.robot.name
         _, local = simulation.directory.address(switch, robot)
@@ -296,7 +306,64 @@ class _ManagerServices:
 
 
 _KINDS = ("command_interfaces", "state_interfaces")
-_BASE_CLASS = "controller_interface::ControllerInterface"
+_NAMESPACE, _BASE_CLASS = "controller_interface::", "ControllerInterface"
+
+# Types that export interfaces to other controllers, and which don't in humble.
+_NOT_IN_HUMBLE = frozenset(
+    {
+        "diff_drive_controller/DiffDriveController",
+        "force_torque_sensor_broadcaster/ForceTorqueSensorBroadcaster",
+        "imu_sensor_broadcaster/IMUSensorBroadcaster",
+    }
+)
+_CHAINABLE = _NOT_IN_HUMBLE | {
+    "ackermann_steering_controller/AckermannSteeringController",
+    "admittance_controller/AdmittanceController",
+    "bicycle_steering_controller/BicycleSteeringController",
+    "chained_filter_controller/ChainedFilter",
+    "mecanum_drive_controller/MecanumDriveController",
+    "omni_wheel_drive_controller/OmniWheelDriveController",
+    "passthrough_controller/PassthroughController",
+    "pid_controller/PidController",
+    "tricycle_steering_controller/TricycleSteeringController",
+}
+
+
+def _without(prefix: str, names: Iterable[str]) -> list[str]:
+    return [name.removeprefix(prefix) for name in names]
+
+
+def _interface(
+    name: str,
+    data_type: str = "double",
+    *,
+    is_available: bool = True,
+    is_claimed: bool = False,
+) -> Fields:
+    return {
+        "name": name,
+        "data_type": data_type,
+        "is_available": is_available,
+        "is_claimed": is_claimed,
+    }
+
+
+def _exported(system: ControllerInterface, state: str, claims: set[str]) -> Fields:
+    """Return what a controller adds to the interfaces of the hardware.
+
+    Source: ros2_control, pull request 1098: they are available while it is active.
+    """
+    is_active = state == "active"
+    return {
+        "command_interfaces": [
+            _interface(name, is_available=is_active, is_claimed=name in claims)
+            for name in system.reference_interfaces
+        ],
+        "state_interfaces": [
+            _interface(name, is_available=is_active)
+            for name in system.exported_interfaces
+        ],
+    }
 
 
 def _seconds(duration: Fields) -> float:
@@ -325,6 +392,13 @@ def _controller_services(
         if system.HasInputPort("reset_odometry"):
             call = functools.partial(_reset_odometry, simulation, name)
             path, type_ = f"/{name}/reset_odometry", "std_srvs/srv/Empty"
+            yield Service(path, type_, f"/{name}", call, acts=True)
+        distro = manager.robot.distro
+        if controller.type == "pid_controller/PidController" and (
+            distro in _WITH_FEEDFORWARD
+        ):
+            call = functools.partial(_set_feedforward, simulation, name)
+            path, type_ = f"/{name}/set_feedforward_control", "std_srvs/srv/SetBool"
             yield Service(path, type_, f"/{name}", call, acts=True)
 
 
@@ -371,6 +445,16 @@ def _reset_odometry(simulation: Simulation, controller: str, call: Call) -> Fiel
     topic = simulation.topic(f"/{controller}/reset_odometry")
     topic.publish(ResetOdometry(), where=call.sender)
     return {}
+
+
+# Distros whose pid_controller has a service for its parameter enable_feedforward.
+_WITH_FEEDFORWARD = ("humble", "jazzy")
+
+
+def _set_feedforward(simulation: Simulation, controller: str, call: Call) -> Fields:
+    change = {"enable_feedforward": call.request["data"]}
+    simulation.controller(controller).set_parameters(change)
+    return {"success": True, "message": ""}
 
 
 class Parameters:

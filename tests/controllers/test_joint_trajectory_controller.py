@@ -790,6 +790,24 @@ def test_a_timeout_that_exceeds_the_goal_time_is_not_reported() -> None:
     assert list(report) == []
 
 
+def test_a_negative_goal_time_waits_for_ever_in_rolling() -> None:
+    report, name = LoadReport(), "constraints__goal_time"
+
+    parameters = load("rolling", report, cmd_timeout=0.5, **{name: -1.0})
+
+    assert parameters.constraints.goal_time == 0.0
+    lines = [(entry.severity, entry.what, entry.done) for entry in report]
+    what = "-1.0 is how versions after 6.9.0 wait for ever"
+    assert lines == [("info", what, "taken as 0")]
+    assert make(parameters, distro="rolling").cmd_timeout == 0.5
+
+
+@pytest.mark.parametrize("distro", ["humble", "jazzy", "kilted"])
+def test_other_distros_refuse_a_negative_goal_time(distro: str) -> None:
+    with pytest.raises(ParameterError, match="goal_time must be at least 0, got -1"):
+        load(distro, constraints__goal_time=-1.0)
+
+
 def test_points_that_are_commanded_as_they_are_need_their_velocities() -> None:
     driven = drive(**VELOCITY, interpolation_method="none")
 

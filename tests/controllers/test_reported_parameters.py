@@ -62,6 +62,15 @@ def test_the_only_value_that_acts_is_named():
     assert report_of(JTC, {name: True}, distro="humble") == []
 
 
+def test_a_pid_says_that_it_has_no_topic_of_its_own() -> None:
+    name = "gains.a.activate_state_publisher"
+
+    assert report_of(PID, {name: True}) == [
+        f"warning: {name}: True is not acted on yet; the controller acts as with False"
+    ]
+    assert report_of(PID, {name: False}) == []
+
+
 @pytest.mark.parametrize(
     ("type_", "name", "done"),
     [

@@ -1,6 +1,7 @@
 import dataclasses as dc
 import math
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,7 @@ from arm_drake.messages.sensors import (
     NavSatStatus,
     Range,
 )
+from arm_drake.plant.kinematics import PlantKinematics
 from tests import models
 from tests.controllers.driving import NAME, Driven, make_params
 from tests.controllers.parameters import (
@@ -494,9 +496,11 @@ KEY = "sensor_filter_chain.filter1"
     ("parameters", "message"),
     [
         (
-            {f"{KEY}.type": "control_filters/GravityCompensationWrench"},
-            "type: expected 'control_filters/LowPassFilterWrench', "
-            "got 'control_filters/GravityCompensationWrench'",
+            {f"{KEY}.type": "control_filters/LowPassFilterDouble"},
+            "type: no filter of wrenches 'control_filters/LowPassFilterDouble'; did "
+            "you mean 'control_filters/LowPassFilterWrench'? known: "
+            "control_filters/GravityCompensationWrench, "
+            "control_filters/LowPassFilterWrench",
         ),
         ({f"{KEY}.name": 3}, "name: expected str, got 3"),
         (
@@ -554,6 +558,101 @@ def test_filters_are_whole_and_have_names_of_their_own() -> None:
     assert str(error.value) == (
         "sensor_filter_chain.filter2.name: must not repeat a name, got 'first'"
     )
+
+
+def gravity(**parameters: Any) -> dict[str, Any]:
+    values = {
+        "world_frame": "base",
+        "sensor_frame": "base",
+        "tool.mass": 5.0,
+        "tool.CoG": [0.0, 0.0, 0.0],
+        **{key.replace("__", "."): value for key, value in parameters.items()},
+    }
+    return {
+        f"{KEY}.name": "gravity",
+        f"{KEY}.type": "control_filters/GravityCompensationWrench",
+        **{f"{KEY}.params.{key}": value for key, value in values.items()},
+    }
+
+
+def compensate(folder: Path, parameters: Mapping[str, Any], frame: str) -> Driven:
+    """Return a broadcaster on a pendulum whose joint is measured before the sensor."""
+    robot = models.load(folder, models.pendulum())
+    return drive(
+        WRENCH,
+        {"frame_id": frame, **parameters},
+        available=(*READ[WRENCH], "swing/position"),
+        links=tuple(robot.description.links),
+        make_kinematics=partial(PlantKinematics, robot.description, {}),
+    )
+
+
+def test_gravity_is_compensated_where_all_frames_are_one(tmp_path: Path) -> None:
+    # As upstream's test of the filter.
+    driven = compensate(tmp_path, gravity(), "base")
+
+    message = publish(driven, (1, 0, 0, 10, 0, 0, 0), "wrench_filtered")
+
+    assert wrench_of(message) == pytest.approx((1, 0, 9.81 * 5, 10, 0, 0))
+    assert driven.system.exported_interfaces == tuple(
+        f"{NAME}/{name}" for name in READ[WRENCH]
+    )
+
+
+@pytest.mark.parametrize("sensor", ["base", "bob"])
+def test_gravity_is_that_in_the_frame_of_the_wrench(
+    tmp_path: Path, sensor: str
+) -> None:
+    # Gravity along x of the base, 3 N, at 0.5 m along z of the sensor's frame; the bob
+    # is turned a quarter about y, its x along -z of the base and its z along x.
+    field = {"tool__gravity_field": [1.5, 0.0, 0.0], "tool__mass": 2.0}
+    chain = gravity(sensor_frame=sensor, tool__CoG=[0.0, 0.0, 0.5], **field)
+    driven = compensate(tmp_path, chain, "bob")
+
+    message = publish(driven, (*[0.0] * 6, math.pi / 2), "wrench_filtered")
+
+    # Along z of the bob; about y if the tool is above the base, else through it.
+    moment = 1.5 if sensor == "base" else 0.0
+    expected = (0.0, 0.0, -3.0, 0.0, -moment, 0.0)
+    assert wrench_of(message) == pytest.approx(expected, abs=1e-15)
+    assert driven.system.state_interfaces[6:] == ("swing/position",)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        (
+            {"world_frame": "word"},
+            f"{KEY}.params.world_frame: the robot has no link 'word'; known: base, bob",
+        ),
+        (
+            {"tool__CoG": [0.0, 0.0]},
+            f"{KEY}.params.tool.CoG: expected 3 floats, got [0.0, 0.0]",
+        ),
+        (
+            {"tool__mass": "1"},
+            f"{KEY}.params.tool.mass: expected float, got '1'",
+        ),
+        (
+            {"tool__gravity_field": 9.81},
+            f"{KEY}.params.tool.gravity_field: expected list of float, got 9.81",
+        ),
+    ],
+)
+def test_a_gravity_compensation_that_cannot_be_made_is_an_error(
+    tmp_path: Path, parameters: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ParameterError) as error:
+        compensate(tmp_path, gravity(**parameters), "base")
+
+    assert str(error.value) == message
+
+
+def test_a_gravity_compensation_needs_the_frame_of_the_message(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError) as error:
+        compensate(tmp_path, gravity(), "f")
+
+    assert str(error.value) == "frame_id: the robot has no link 'f'; known: base, bob"
 
 
 RANGE_PARAMETERS = {

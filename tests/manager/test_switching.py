@@ -29,7 +29,13 @@ KNOWN = "known: base, broken, left, new, pilot, right, states, test"
 
 
 def plan(
-    activate="", deactivate="", *, active="", strict=True, controllers=CONTROLLERS
+    activate="",
+    deactivate="",
+    *,
+    active="",
+    strict=True,
+    controllers=CONTROLLERS,
+    is_humble=False,
 ) -> SwitchPlan:
     """Return a plan; names are separated by blanks."""
     return plan_switch(
@@ -38,6 +44,7 @@ def plan(
         activate.split(),
         deactivate.split(),
         strict=strict,
+        is_humble=is_humble,
     )
 
 
@@ -310,6 +317,23 @@ def test_best_effort_does_nothing_if_all_of_a_list_are_unknown(activate, deactiv
     result = plan(activate, deactivate, active="left right", strict=False)
 
     assert result == SwitchPlan((), (), False, (UNKNOWN,))
+
+
+@pytest.mark.parametrize(
+    ("activate", "deactivate", "problem"),
+    [
+        ("lfet", "left", UNKNOWN),
+        ("new", "left", "could not activate 'new': it is not configured"),
+    ],
+)
+def test_best_effort_is_always_ok_in_humble(activate, deactivate, problem):
+    options = {"active": "left right", "is_humble": True}
+
+    done = plan(activate, deactivate, strict=False, **options)
+    refused = plan(activate, deactivate, strict=True, **options)
+
+    assert done == SwitchPlan((), ("left",), True, (problem,))
+    assert refused == SwitchPlan((), (), False, (problem,))
 
 
 def test_best_effort_is_not_ok_if_all_to_activate_fail():

@@ -198,6 +198,43 @@ def test_forces_of_the_parent_on_the_child_have_the_other_sign(tmp_path: Path) -
     assert np.linalg.norm(readings[0]) > 1.0
 
 
+@pytest.mark.parametrize("angle", [0.0, 1.0, -2.0])
+def test_a_compensated_wrench_of_a_held_tool_is_nothing(
+    tmp_path: Path, angle: float
+) -> None:
+    chain = {
+        "name": "gravity",
+        "type": "control_filters/GravityCompensationWrench",
+        "params": {
+            "world_frame": "base",
+            "sensor_frame": "bob",
+            "tool": {"mass": models.MASS, "CoG": [0.0, 0.0, -models.LENGTH]},
+        },
+    }
+    yaml = controllers(
+        hold="position_controllers/JointGroupPositionController joints: [swing]",
+        load="force_torque_sensor_broadcaster/ForceTorqueSensorBroadcaster "
+        f"sensor_name: load, frame_id: bob, sensor_filter_chain: {{filter1: {chain}}}",
+    )
+    urdf = with_sensors(models.pendulum(), sensor("load", *FORCES))
+    tag = """<gazebo reference="swing"><sensor name="load" type="force_torque"/>
+    </gazebo></robot>"""
+    urdf = urdf.replace("</robot>", tag)
+    sim = simulate(tmp_path, urdf, yaml, initial_positions={"swing": angle})
+
+    sim.run(1.0)
+
+    measured = force(sim.topic("/load/wrench").value().wrench)
+    weight = models.MASS * models.GRAVITY
+    # About y, the joint's axis, along which the bob is at (-sin, 0, -cos) L.
+    moment = -weight * models.LENGTH * math.sin(angle)
+    assert measured[4] == pytest.approx(moment, abs=1e-6)
+    assert np.linalg.norm(measured[:3]) == pytest.approx(weight, abs=1e-6)
+    filtered = force(sim.topic("/load/wrench_filtered").value().wrench)
+    # It comes to rest within a second.
+    np.testing.assert_allclose(filtered, np.zeros(6), atol=1e-6)
+
+
 def test_a_pose_is_that_of_the_link_in_the_frame(tmp_path: Path) -> None:
     yaml = controllers(
         world="pose_broadcaster/PoseBroadcaster pose_name: bob, frame_id: map",

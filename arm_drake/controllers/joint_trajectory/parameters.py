@@ -254,6 +254,10 @@ class JointTrajectoryControllerParameters:
                 params.add(name, "info", "ignored", what, "none of them has an effect")
         timeout = params.get("cmd_timeout", float) or 0.0
         goal_time = params.get("constraints.goal_time", float) or 0.0
+        if goal_time < 0.0 and params.distro == "rolling":
+            what = f"{goal_time} is how versions after 6.9.0 wait for ever"
+            params.set("constraints.goal_time", 0.0)
+            params.add("constraints.goal_time", "info", "repair", what, "taken as 0")
         if 0.0 < timeout <= goal_time:
             what = f"it must exceed constraints.goal_time, {goal_time}"
             params.add("cmd_timeout", "warning", "ignored", what, "there is no timeout")
