@@ -3,7 +3,7 @@
 import dataclasses as dc
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -139,24 +139,45 @@ class _Mount(NamedTuple):
     # Index of its body.
     body: int
 
-    # Pose of the sensor in the body.
+    # Pose of the sensor in the body, and which parts of it count.
     X_LS: RigidTransform
+    is_turned: bool
+    is_moved: bool
+
+    @classmethod
+    def of(cls, body: RigidBody, X_LS: RigidTransform) -> "_Mount":
+        """Return where a sensor of a pose in a body sits."""
+        is_turned = not X_LS.rotation().IsExactlyIdentity()
+        return cls(int(body.index()), X_LS, is_turned, bool(X_LS.translation().any()))
 
     def pose(self, poses: Sequence[RigidTransform]) -> RigidTransform:
         """Return the pose of the sensor in the world, by those of all bodies."""
-        return poses[self.body] @ self.X_LS
+        X_WL = poses[self.body]
+        return X_WL @ self.X_LS if self.is_turned or self.is_moved else X_WL
+
+    def rotation(self, poses: Sequence[RigidTransform]) -> RotationMatrix:
+        """Return how the sensor is turned in the world."""
+        R_WL = poses[self.body].rotation()
+        return R_WL @ self.X_LS.rotation() if self.is_turned else R_WL
 
     def acceleration(
-        self, X_WL: RigidTransform, w: Array, A_WL: SpatialAcceleration
+        self,
+        poses: Sequence[RigidTransform],
+        w: Array,
+        accelerations: Sequence[SpatialAcceleration],
     ) -> Array:
         """Return the sensor's acceleration in the world, by what its body does."""
-        arm = X_WL.rotation() @ self.X_LS.translation()
-        a: Array = (
-            A_WL.translational()
-            + cross(A_WL.rotational(), arm)
-            + cross(w, cross(w, arm))
-        )
+        A_WL = accelerations[self.body]
+        a: Array = A_WL.translational()
+        if self.is_moved:
+            arm = poses[self.body].rotation() @ self.X_LS.translation()
+            a = a + cross(A_WL.rotational(), arm) + cross(w, cross(w, arm))
         return a
+
+
+# What is on the input ports of sensors, by name.
+_Inputs = Mapping[str, Any]
+_Measure = Callable[[_Inputs], Array]
 
 
 class SensorReadings(PythonSystem):
@@ -221,7 +242,7 @@ class SensorReadings(PythonSystem):
         self._plant = plant
         self._gravity: Array = np.array(plant.gravity_field().gravity_vector())
         self._ports = PlantPorts(self, plant, scene_graph)
-        self._parts: list[tuple[slice | list[int], Callable[[Context], Array]]] = []
+        self._parts: list[tuple[slice | list[int], _Measure]] = []
         start = 0
         for sensor in sensors:
             self._add_sensor(sensor, model, start)
@@ -245,7 +266,7 @@ class SensorReadings(PythonSystem):
     ) -> None:
         names = sensor.interfaces
         body = self._body(sensor.link, model)
-        mount = _Mount(int(body.index()), transform_of(sensor.pose))
+        mount = _Mount.of(body, transform_of(sensor.pose))
         if names == IMU:
             here = slice(start, start + len(names))
             self._parts.append((here, self._measure_imu(mount)))
@@ -254,6 +275,9 @@ class SensorReadings(PythonSystem):
             if not any(name in known for name in names):
                 continue
             measure = _MEASURES[known](self, sensor, model, mount)
+            if names == known:
+                self._parts.append((slice(start, start + len(names)), measure))
+                continue
             source_indices = [known.index(name) for name in names if name in known]
             target_indices = [
                 start + i for i, name in enumerate(names) if name in known
@@ -269,95 +293,93 @@ class SensorReadings(PythonSystem):
 
     def _measure_load(
         self, sensor: SensorInfo, model: ModelInstanceIndex, mount: _Mount
-    ) -> Callable[[Context], Array]:
-        forces = self._ports.take("reaction_forces")
+    ) -> _Measure:
+        self._ports.take("reaction_forces")
         joint = self._plant.GetJointByName(sensor.joint, model)
         # Joint and link have one frame, and the sensor is at its origin.
         index, R_SJ = int(joint.index()), mount.X_LS.rotation().matrix().T
         R_SJ = R_SJ if sensor.is_on_child else -R_SJ
 
-        def measure(context: Context) -> Array:
-            F_J = forces.Eval(context)[index]
+        def measure(inputs: _Inputs) -> Array:
+            F_J = inputs["reaction_forces"][index]
             return np.concatenate([R_SJ @ F_J.translational(), R_SJ @ F_J.rotational()])
 
         return measure
 
     def _measure_rate(
         self, sensor: SensorInfo, model: ModelInstanceIndex, mount: _Mount
-    ) -> Callable[[Context], Array]:
-        poses = self._ports.take("body_poses")
-        velocities = self._ports.take("spatial_velocities")
+    ) -> _Measure:
+        self._ports.take("body_poses")
+        self._ports.take("spatial_velocities")
 
-        def measure(context: Context) -> Array:
-            R_WS = mount.pose(poses.Eval(context)).rotation().matrix()
-            w: Array = velocities.Eval(context)[mount.body].rotational()
+        def measure(inputs: _Inputs) -> Array:
+            R_WS = mount.rotation(inputs["body_poses"]).matrix()
+            w: Array = inputs["spatial_velocities"][mount.body].rotational()
             return R_WS.T @ w
 
         return measure
 
     def _measure_acceleration(
         self, sensor: SensorInfo, model: ModelInstanceIndex, mount: _Mount
-    ) -> Callable[[Context], Array]:
+    ) -> _Measure:
         find_motion = self._find_motion(mount)
 
-        def measure(context: Context) -> Array:
-            R_WS, _, a = find_motion(context)
+        def measure(inputs: _Inputs) -> Array:
+            R_WS, _, a = find_motion(inputs)
             return R_WS.matrix().T @ a
 
         return measure
 
-    def _measure_imu(self, mount: _Mount) -> Callable[[Context], Array]:
-        """Return what measures all that an IMU does, and reads each port once."""
+    def _measure_imu(self, mount: _Mount) -> _Measure:
+        """Return what measures all that an IMU does."""
         find_motion = self._find_motion(mount)
 
-        def measure(context: Context) -> Array:
-            R_WS, w, a = find_motion(context)
-            q, R_SW = R_WS.ToQuaternion(), R_WS.matrix().T
-            return np.concatenate([q.xyz(), [q.w()], R_SW @ w, R_SW @ a])
+        def measure(inputs: _Inputs) -> Array:
+            R_WS, w, a = find_motion(inputs)
+            R_SW = R_WS.matrix().T
+            return np.concatenate([_orientation(R_WS), R_SW @ w, R_SW @ a])
 
         return measure
 
     def _find_motion(
         self, mount: _Mount
-    ) -> Callable[[Context], tuple[RotationMatrix, Array, Array]]:
+    ) -> Callable[[_Inputs], tuple[RotationMatrix, Array, Array]]:
         """Return what tells how an IMU is turned, how fast, and what it feels.
 
         Its angular velocity [rad/s] and acceleration less gravity [m/s^2] are in the
         world, shape (3,).
         """
-        poses = self._ports.take("body_poses")
-        velocities = self._ports.take("spatial_velocities")
-        accelerations = self._ports.take("spatial_accelerations")
+        for name in ("body_poses", "spatial_velocities", "spatial_accelerations"):
+            self._ports.take(name)
 
-        def find(context: Context) -> tuple[RotationMatrix, Array, Array]:
-            X_WL = poses.Eval(context)[mount.body]
-            w = velocities.Eval(context)[mount.body].rotational()
-            A_WL = accelerations.Eval(context)[mount.body]
-            a = mount.acceleration(X_WL, w, A_WL) - self._gravity
-            return (X_WL @ mount.X_LS).rotation(), w, a
+        def find(inputs: _Inputs) -> tuple[RotationMatrix, Array, Array]:
+            poses = inputs["body_poses"]
+            w = inputs["spatial_velocities"][mount.body].rotational()
+            a = mount.acceleration(poses, w, inputs["spatial_accelerations"])
+            return mount.rotation(poses), w, a - self._gravity
 
         return find
 
     def _measure_pose(
         self, sensor: SensorInfo, model: ModelInstanceIndex, mount: _Mount
-    ) -> Callable[[Context], Array]:
+    ) -> _Measure:
         reference = int(self._body(sensor.reference or WORLD, model).index())
-        poses = self._ports.take("body_poses")
+        self._ports.take("body_poses")
 
-        def measure(context: Context) -> Array:
-            all_poses = poses.Eval(context)
-            X_RS = all_poses[reference].inverse() @ mount.pose(all_poses)
-            q = X_RS.rotation().ToQuaternion()
-            return np.concatenate([X_RS.translation(), q.xyz(), [q.w()]])
+        def measure(inputs: _Inputs) -> Array:
+            poses = inputs["body_poses"]
+            X_WS = mount.pose(poses)
+            X_RS = poses[reference].inverse() @ X_WS if reference else X_WS
+            return np.concatenate([X_RS.translation(), _orientation(X_RS.rotation())])
 
         return measure
 
     def _measure_range(
         self, sensor: SensorInfo, model: ModelInstanceIndex, mount: _Mount
-    ) -> Callable[[Context], Array]:
+    ) -> _Measure:
         body = self._body(sensor.link, model)
-        poses = self._ports.take("body_poses")
-        query = self._ports.take("geometry_query")
+        self._ports.take("body_poses")
+        self._ports.take(_QUERY)
         # Numbers: identifiers would keep the plant in memory.
         own = {
             geometry.get_value()
@@ -366,32 +388,44 @@ class SensorReadings(PythonSystem):
             if other.index() != self._plant.world_body().index()
         }
 
-        def measure(context: Context) -> Array:
-            X_WS = mount.pose(poses.Eval(context))
+        def measure(inputs: _Inputs) -> Array:
+            X_WS = mount.pose(inputs["body_poses"])
             along = X_WS.rotation().matrix()[:, 0]
             start = X_WS.translation()
-            return np.array([find_range(query.Eval(context), start, along, own)])
+            return np.array([find_range(inputs[_QUERY], start, along, own)])
 
         return measure
 
     def _add_accelerations(
         self, model: ModelInstanceIndex, joints: Sequence[str], start: int
     ) -> None:
-        vdot = self._ports.take("generalized_acceleration")
+        name = "generalized_acceleration"
+        self._ports.take(name)
         at = [self._plant.GetJointByName(n, model).velocity_start() for n in joints]
         here = slice(start, start + len(at))
-        self._parts.append((here, lambda context: vdot.Eval(context)[at]))
+        self._parts.append((here, lambda inputs: inputs[name][at]))
 
     def _calc_readings(self, context: Context, output: BasicVector) -> None:
         values = np.empty(output.size())
+        # Each port once: pydrake makes lists of all bodies.
+        ports = self._ports.ports.items()
+        inputs = {name: port.Eval(context) for name, (port, _) in ports}
         for here, measure in self._parts:
-            values[here] = measure(context)
+            values[here] = measure(inputs)
         output.SetFromVector(values)
+
+
+def _orientation(rotation: RotationMatrix) -> Array:
+    """Return a rotation as x, y, z, w."""
+    return rotation.ToQuaternion().wxyz()[_XYZW]
+
+
+_XYZW = [1, 2, 3, 0]
 
 
 # What measures each row of SENSORS: called with a sensor, its robot's model and where
 # it sits, it takes the ports that it reads and returns the function of a reading.
-_Make = Callable[..., Callable[[Context], Array]]
+_Make = Callable[..., _Measure]
 _MEASURES: Final[Mapping[tuple[str, ...], _Make]] = {
     FORCES: SensorReadings._measure_load,
     RATES: SensorReadings._measure_rate,
@@ -401,10 +435,8 @@ _MEASURES: Final[Mapping[tuple[str, ...], _Make]] = {
 }
 
 
-def _pick(
-    measure: Callable[[Context], Array], at: list[int], context: Context
-) -> Array:
-    return measure(context)[at]
+def _pick(measure: _Measure, at: list[int], inputs: _Inputs) -> Array:
+    return measure(inputs)[at]
 
 
 _WORLD = "world"
