@@ -103,12 +103,14 @@ class DeclareLaunchArgument(Action):
         super().__init__(**kwargs)
         self.name, self.default_value = name, default_value
         self.description = description
+        # Of one text, as `("left")` is without its comma, all parts are, as in ROS.
+        self.is_text = isinstance(choices, str)
+        choices = [choices] if isinstance(choices, str) else choices
         self.choices = None if choices is None else [str(each) for each in choices]
 
     def act(self, run: "LaunchRun") -> None:
         configurations = run.context.launch_configurations
-        default = self.default_value
-        text = None if default is None else perform(run.context, default)
+        text = self._default(run)
         run.declare(
             name=self.name,
             default=text,
@@ -124,12 +126,20 @@ class DeclareLaunchArgument(Action):
                     f"{self.name}:=VALUE"
                 )
             configurations[self.name] = text
-        value = configurations[self.name]
-        if self.choices is not None and value not in self.choices:
-            raise LaunchError(
-                f"argument {self.name}:={value}: expected one of "
-                f"{', '.join(self.choices)}"
-            )
+        value, choices = configurations[self.name], self.choices or []
+        if choices and value not in (choices[0] if self.is_text else choices):
+            text = f"argument {self.name}:={value}: expected one of "
+            raise LaunchError(text + ", ".join(choices))
+
+    def _default(self, run: "LaunchRun") -> str | None:
+        """Return the default's text; None if there is none, or none that is needed."""
+        default = self.default_value
+        try:
+            return None if default is None else perform(run.context, default)
+        except LaunchError:
+            if self.name not in run.context.launch_configurations:
+                raise
+            return None  # ROS doesn't evaluate it then.
 
 
 class SetLaunchConfiguration(Action):

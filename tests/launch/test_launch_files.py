@@ -142,6 +142,41 @@ def test_arguments_have_defaults_choices_and_given_values(package: Path) -> None
     assert "no launch argument 'sid'; did you mean 'side'?" in str(plan.report)
 
 
+def test_choices_that_are_one_text_are_parts_of_it(package: Path) -> None:
+    path = describe(
+        package,
+        """
+        DeclareLaunchArgument("model", default_value="wx", choices=("wx")),
+        publisher([*XACRO, " prefix:=", LaunchConfiguration("model")]),
+        """,
+    )
+
+    plan = ad.load_launch(path)
+
+    assert plan.robots[0].xacro_args == {"prefix": "wx"}
+    assert plan.arguments[0].choices == ("wx",)
+    with pytest.raises(InputError, match=r"model:=vx: expected one of wx$"):
+        ad.load_launch(path, arguments={"model": "vx"})
+
+
+def test_a_default_that_can_not_be_found_matters_only_without_a_value(
+    package: Path,
+) -> None:
+    path = describe(
+        package,
+        """
+        DeclareLaunchArgument("prefix", default_value=FindPackageShare("not_there")),
+        publisher([*XACRO, " prefix:=", LaunchConfiguration("prefix")]),
+        """,
+    )
+
+    plan = ad.load_launch(path, arguments={"prefix": "left_"})
+
+    assert plan.robots[0].xacro_args == {"prefix": "left_"}
+    with pytest.raises(PackageError, match="package 'not_there' not found"):
+        ad.load_launch(path)
+
+
 @pytest.mark.slow
 def test_arguments_without_a_default_are_shown_and_asked_for(package: Path) -> None:
     path = describe(
