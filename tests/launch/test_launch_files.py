@@ -937,6 +937,36 @@ def test_a_place_for_one_of_two_robots_is_refused(
 
 
 @pytest.mark.slow
+def test_a_motion_of_several_robots_names_their_controllers_in_full(
+    package: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = describe(
+        package,
+        """
+        *[GroupAction([PushRosNamespace(side), publisher(XACRO), manager(),
+                       spawner("arm_controller")]) for side in ("left", "right")],
+        """,
+    )
+    points = "{positions: [0.1], time_from_start: 0.5}"
+    goal = f"goal: {{joint_names: [swing], points: [{points}]}}"
+    motion = package / "both.yaml"
+    motion.write_text(
+        f"- {{at: 0.0, controller: left/arm_controller, {goal}}}\n"
+        f"- {{at: 0.1, controller: right/arm_controller, {goal}}}\n"
+    )
+    words = ["launch", str(path), "--headless", "--duration", "1", "--motion"]
+
+    code = main([*words, str(motion)])
+
+    assert code == 0
+    out = capsys.readouterr().out
+    for side in ("left", "right"):
+        assert f"{side}/arm_controller: SUCCEEDED" in out
+    assert main([*words, "swing"]) == 2
+    assert "no motion 'swing'" in capsys.readouterr().err
+
+
+@pytest.mark.slow
 def test_variables_of_parameter_files_are_launch_configurations(package: Path) -> None:
     file = package / "config" / "controllers.yaml"
     text = file.read_text(encoding="utf-8")
