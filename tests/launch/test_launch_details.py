@@ -340,6 +340,65 @@ def test_a_spawner_without_its_manager_starts_nothing(package: Path) -> None:
     ]
 
 
+def test_the_functions_of_launch_utils_take_what_upstream_takes(package: Path) -> None:
+    before = """
+    from controller_manager.launch_utils import (
+        generate_controllers_spawner_launch_description as spawn,
+        generate_controllers_spawner_launch_description_from_dict as spawn_from_dict,
+        generate_load_controller_launch_description as load)
+
+    HERE = get_package_share_directory("pendulum_bringup") + "/config/"
+    """
+    for name in ("arm", "torso"):
+        text = f"{name}: {{ros__parameters: {{type: own/Own}}}}"
+        (package / "config" / f"{name}.yaml").write_text(text)
+    path = describe(
+        package,
+        """
+        publisher(), manager(),
+        load(controller_name="arm", controller_params_file=HERE + "arm.yaml"),
+        load("torso", HERE + "torso.yaml", ["--inactive"]),
+        load("head", "own/Head"),
+        spawn(controller_names=["forward"], extra_spawner_args=["--inactive"]),
+        spawn_from_dict(controller_info_dict={"arm_controller": None}),
+        """,
+        before,
+    )
+
+    (robot,) = ad.load_launch(path).robots
+
+    assert robot.spawned == {
+        "arm": "active",
+        "torso": "inactive",
+        "head": "active",
+        "forward": "inactive",
+        "arm_controller": "active",
+    }
+    files = [file.name for file in robot.controllers[:3]]
+    assert files == ["controllers.yaml", "arm.yaml", "torso.yaml"]
+
+
+def test_the_index_of_resources_knows_packages(package: Path) -> None:
+    before = """
+    from ament_index_python import get_resources, get_search_paths, has_resource
+    from ament_index_python.resources import get_resource
+
+    IS_THERE = bool(has_resource("packages", "pendulum_bringup"))
+    FOUND = [get_resources("own_type"), get_search_paths(), IS_THERE,
+             has_resource("packages", "gone"), has_resource("own_type", "a")]
+    SHARE = os.path.join(get_resource("packages", "pendulum_bringup")[1], "share",
+                         "pendulum_bringup", "config")
+    """
+    actions = (
+        "LogInfo(msg=str(FOUND)), LogInfo(msg=str(os.listdir(SHARE))), publisher(),"
+    )
+
+    plan = ad.load_launch(describe(package, actions, before))
+
+    assert "[{}, [], True, False, False]" in str(plan.report)
+    assert "['controllers.yaml']" in str(plan.report)
+
+
 def test_spawners_without_manager_and_simulator_start_nothing(
     package: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
