@@ -457,6 +457,36 @@ class Manager(NamedTuple):
     remappings: tuple[Remapping, ...] = ()
 
 
+def has_controllers(parameters: Sequence[Any]) -> bool:
+    """Return whether parameters of a node, or files of them, have controllers' types.
+
+    These are a controller manager's: mappings in its parameters with a `type` of
+    pluginlib, such as "joint_trajectory_controller/JointTrajectoryController".
+    """
+    for each in parameters:
+        data: Any = {"ros__parameters": each}
+        if isinstance(each, str):
+            try:
+                data = yaml.safe_load(Path(each).read_text(encoding="utf-8"))
+            except (OSError, UnicodeError, yaml.YAMLError):
+                continue
+        if _has_types(data, "ros__parameters"):
+            return True
+    return False
+
+
+def _has_types(data: Any, key: str) -> bool:
+    """Return whether a mapping, or one in it, has controllers below a key."""
+    if not isinstance(data, Mapping):
+        return False
+    found = data.get(key)
+    sections = found.values() if isinstance(found, Mapping) else ()
+    types = [each.get("type") for each in sections if isinstance(each, Mapping)]
+    if any(isinstance(kind, str) and "/" in kind for kind in types):
+        return True
+    return any(_has_types(value, key) for value in data.values())
+
+
 class Spawner(NamedTuple):
     """Controllers that are started at once."""
 

@@ -416,6 +416,36 @@ def test_spawners_without_manager_and_simulator_start_nothing(
     assert "controller forward; /controller_manager" in capsys.readouterr().err
 
 
+def test_a_node_with_controllers_and_spawners_is_a_controller_manager(
+    package: Path,
+) -> None:
+    path = describe(
+        package,
+        """
+        publisher(),
+        Node(package="own_driver", executable="control_node",
+             parameters=[CONTROLLERS]),
+        Node(package="own_driver", executable="publisher_node",
+             parameters=[CONTROLLERS], name="goals"),
+        Node(package="own_driver", executable="watcher", namespace="left",
+             parameters=[{"arm": {"type": "own/Arm"}}]),
+        spawner("forward"),
+        """,
+        "CONTROLLERS = get_package_share_directory('pendulum_bringup') "
+        "+ '/config/controllers.yaml'",
+    )
+
+    plan = ad.load_launch(path)
+
+    (robot,) = plan.robots
+    assert (robot.has_manager, robot.spawned) == (True, {"forward": "active"})
+    assert [file.name for file in robot.controllers] == ["controllers.yaml"]
+    names = [each.name for each in plan.not_started]
+    assert names == ["own_driver/publisher_node", "own_driver/watcher"]
+    told = "own_driver/control_node has the controllers of /controller_manager"
+    assert f"node {told}; it is taken as a controller manager" in str(plan.report)
+
+
 def test_a_world_that_a_robot_is_put_into_by_other_means_has_its_controllers(
     package: Path,
 ) -> None:
