@@ -29,6 +29,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 from xml.dom import minidom
+from xml.etree import ElementTree
 
 import yaml
 
@@ -445,6 +446,21 @@ class _Finder:
         pass
 
 
+# What reads a text of XML in a way that asks nothing of the text.
+_PARSERS = ((ElementTree, "XML"), (ElementTree, "fromstring"), (minidom, "parseString"))
+
+
+def _expanding(parse: Callable[..., Any]) -> Callable[..., Any]:
+    """Return what parses a description, also where something takes its place."""
+
+    @functools.wraps(parse)
+    def wrapped(text: Any, *args: Any, **kwargs: Any) -> Any:
+        whole = current().expanded(text) if isinstance(text, str) else text
+        return parse(whole, *args, **kwargs)
+
+    return wrapped
+
+
 def install(context: Context, find_sources: Callable[[str], str | None]) -> None:
     """Let launch files import what they know, in a context.
 
@@ -452,6 +468,8 @@ def install(context: Context, find_sources: Callable[[str], str | None]) -> None
     """
     substitutions.enter(context)
     sys.modules.update(_make_modules())
+    for module, name in _PARSERS:
+        vars(module)[name] = _expanding(getattr(module, name))
     finder = _Finder(find_sources)
     # Before others for the modules of launch, after them for packages' own.
     sys.meta_path.insert(0, finder)

@@ -46,6 +46,33 @@ class PackageNotFoundError(LookupError, LaunchError):
     """A package that isn't found; the name is that of `ament_index_python`."""
 
 
+class Described(str):
+    """What takes the place of an expanded description, until it is looked into."""
+
+    __slots__ = ()
+
+
+def _look_into(name: str) -> Callable[..., Any]:
+    """Return a method of texts that has that of the expanded description."""
+
+    def method(described: str, *args: Any, **kwargs: Any) -> Any:
+        whole = current().expanded(str(described))
+        found = getattr(whole, name)(*args, **kwargs)
+        return described if found == whole else found
+
+    return method
+
+
+# What only passes a text on isn't among them: that wouldn't need it expanded.
+_LOOKS = (
+    *("__contains__", "__getitem__", "count", "encode", "find", "index", "partition"),
+    *("replace", "rfind", "rindex", "rpartition", "rsplit", "split", "splitlines"),
+    "translate",
+)
+for _name in _LOOKS:
+    setattr(Described, _name, _look_into(_name))
+
+
 class LaunchContext:
     """What substitutions are evaluated in: configurations, environment, files."""
 
@@ -103,7 +130,7 @@ class LaunchContext:
         self.descriptions.append(
             {"file": os.path.abspath(file), "arguments": dict(arguments)}
         )
-        return f'<robot key="{len(self.descriptions) - 1}" by="arm_drake"/>'
+        return Described(f'<robot key="{len(self.descriptions) - 1}" by="arm_drake"/>')
 
 
 def perform(context: LaunchContext, value: Any) -> str:

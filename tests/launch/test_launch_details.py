@@ -150,6 +150,77 @@ def test_a_document_of_xacro_may_be_changed(package: Path, is_changed: bool) -> 
     assert ("pole" in robot.description.links) == is_changed
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "change",
+    [
+        "text.replace('child link=\"arm\"', 'child link=\"pole\"')"
+        ".replace('link name=\"arm\"', 'link name=\"pole\"')",
+        "by_tree(text)",
+        "by_document(text)",
+    ],
+)
+def test_the_text_of_a_description_may_be_changed(package: Path, change: str) -> None:
+    before = f"""
+    from xml.dom import minidom
+    from xml.etree import ElementTree as ET
+
+    def by_tree(text):
+        root = ET.fromstring(text)
+        root.findall("link")[1].set("name", "pole")
+        root.find(".//child").set("link", "pole")
+        return ET.tostring(root, encoding="unicode")
+
+    def by_document(text):
+        document = minidom.parseString(text)
+        document.getElementsByTagName("link")[1].setAttribute("name", "pole")
+        document.getElementsByTagName("child")[0].setAttribute("link", "pole")
+        return document.toxml()
+
+    def start(context):
+        text = Command(XACRO).perform(context)
+        if "<ros2_control" not in text:
+            raise RuntimeError("no ros2_control tag")
+        return [Node(
+            package="robot_state_publisher", executable="robot_state_publisher",
+            parameters=[{{"robot_description": {change}}}])]
+    """
+    plan = ad.load_launch(describe(package, "OpaqueFunction(function=start),", before))
+
+    (robot,) = plan.load_scene().robots
+    assert list(robot.description.links) == ["world", "pole"]
+
+
+@pytest.mark.slow
+def test_a_text_that_stays_as_it_is_comes_from_its_file(package: Path) -> None:
+    before = """
+    def start(context):
+        text = Command(XACRO).perform(context).replace("${nothing}", "")
+        return [Node(
+            package="robot_state_publisher", executable="robot_state_publisher",
+            parameters=[{"robot_description": text}])]
+    """
+    plan = ad.load_launch(describe(package, "OpaqueFunction(function=start),", before))
+
+    assert plan.robots[0].source == package / "urdf" / "pendulum.urdf.xacro"
+
+
+def test_both_ways_to_shut_the_launch_down_are_told_alike(package: Path) -> None:
+    before = "from launch import events"
+    path = describe(
+        package,
+        """
+        Shutdown(reason="done"),
+        EmitEvent(event=events.Shutdown(reason="done")),
+        """,
+        before,
+    )
+
+    # What is told twice is so once.
+    (told,) = ad.load_launch(path).report
+    assert (told.severity, told.what) == ("info", "it shuts the launch down")
+
+
 def test_a_description_that_xacro_refuses_is_reported(package: Path) -> None:
     (package / "urdf" / "wrong.xacro").write_text(
         "<robot name='a' xmlns:xacro='http://www.ros.org/wiki/xacro'>"
