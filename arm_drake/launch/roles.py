@@ -187,6 +187,8 @@ class Roles:
         self._add("info", "ignored", what, done, record)
 
     def _read_event(self, record: Mapping[str, Any]) -> None:
+        if record["name"] == "Shutdown":
+            return self._read_shutdown(record)
         what = f"event {record['name']}"
         self._add("warning", "unsupported", what, "it never comes here", record)
 
