@@ -15,7 +15,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from arm_drake.launch.event_handlers import Event, EventHandler
+from arm_drake.launch.event_handlers import EventHandler, entities_after
 from arm_drake.launch.nodes import PACKAGES, ends
 from arm_drake.launch.parameters import Parameter, read_parameters, read_value
 from arm_drake.launch.substitutions import (
@@ -776,7 +776,7 @@ class LaunchRun:
             if any(h.matches(action) for h in follows):
                 self.note("assumed_end", **_name_of(action))
         if action.on_exit and is_known:
-            self.visit(action.on_exit)
+            self.visit(entities_after(action.on_exit, action, self.context))
         self.fire("exit", action, is_known=is_known)
         self.fire("complete", action, is_known=is_known)
 
@@ -787,10 +787,7 @@ class LaunchRun:
                 continue
             if not is_known and handler.target is None:
                 continue
-            entities = handler.entities
-            if callable(entities) and not isinstance(entities, Action):
-                entities = entities(Event(action=action, returncode=0), self.context)
-            self.visit(entities)
+            self.visit(entities_after(handler.entities, action, self.context))
 
 
 def _name_of(action: Any) -> dict[str, Any]:

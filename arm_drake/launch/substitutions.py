@@ -236,7 +236,18 @@ class FindPackageShare(Substitution):
         return find_package(package_name)
 
     def perform(self, context: LaunchContext) -> str:
-        return context.find_package(perform(context, self.package))
+        return context.find_package(self._name(context))
+
+    def _name(self, context: LaunchContext) -> str:
+        name = perform(context, self.package)
+        if name:
+            return name
+        asked = self.package
+        if isinstance(asked, list | tuple) and len(asked) == 1:
+            asked = asked[0]
+        variable = perform(context, getattr(asked, "variable_name", ""))
+        hint = f"; give it as {variable}:=NAME" if variable else ""
+        raise SubstitutionFailure(f"the name of a package is empty{hint}")
 
 
 class FindPackagePrefix(FindPackageShare):
@@ -244,7 +255,7 @@ class FindPackagePrefix(FindPackageShare):
         return prefix_of(package_name, find_package(package_name))
 
     def perform(self, context: LaunchContext) -> str:
-        name = perform(context, self.package)
+        name = self._name(context)
         return prefix_of(name, context.find_package(name))
 
 

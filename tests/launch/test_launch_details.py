@@ -151,6 +151,56 @@ def test_a_document_of_xacro_may_be_changed(package: Path, is_changed: bool) -> 
 
 
 @pytest.mark.slow
+def test_a_function_that_follows_an_end_is_told_how_a_program_ended(
+    package: Path,
+) -> None:
+    before = """
+    def follow(event, context):
+        if event.returncode != 0 or not event.process_name.startswith("spawner"):
+            return [Shutdown()]
+        return spawner("arm_controller", on_exit=lambda event, context: [
+            Node(package="own", executable=f"after_{event.cmd[0]}")])
+
+    first = spawner("joint_state_broadcaster")
+    """
+    path = describe(
+        package,
+        """
+        publisher(), manager(), first,
+        RegisterEventHandler(OnProcessExit(target_action=first, on_exit=follow)),
+        """,
+        before,
+    )
+
+    plan = ad.load_launch(path)
+
+    spawned = list(plan.robots[0].spawned)
+    assert spawned == ["joint_state_broadcaster", "arm_controller"]
+    assert [each.name for each in plan.not_started] == ["own/after_spawner"]
+    assert not plan.report.errors
+
+
+@pytest.mark.parametrize(
+    ("package_name", "expected"),
+    [
+        ("LaunchConfiguration('of')", "is empty; give it as of:=NAME"),
+        ("[LaunchConfiguration('of')]", "is empty; give it as of:=NAME"),
+        ("['', LaunchConfiguration('of')]", "the name of a package is empty"),
+    ],
+)
+def test_an_argument_that_names_no_package_is_told(
+    package: Path, package_name: str, expected: str
+) -> None:
+    entities = f"""
+    DeclareLaunchArgument("of", default_value=""),
+    LogInfo(msg=FindPackageShare({package_name})),
+    """
+
+    with pytest.raises(InputError, match=expected):
+        ad.load_launch(describe(package, entities))
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "change",
     [
