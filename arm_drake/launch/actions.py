@@ -123,7 +123,7 @@ class DeclareLaunchArgument(Action):
                     return
                 raise LaunchError(
                     f"argument {self.name!r} has no default; give it as "
-                    f"{self.name}:=VALUE"
+                    f"{self.name}:={'|'.join(self.choices or ['VALUE'])}"
                 )
             configurations[self.name] = text
         value, choices = configurations[self.name], self.choices or []

@@ -181,6 +181,21 @@ def test_a_function_that_follows_an_end_is_told_how_a_program_ended(
 
 
 @pytest.mark.parametrize(
+    ("words", "expected"),
+    [("", "side:=VALUE"), (", choices=['left', 'right']", "side:=left|right")],
+)
+def test_an_argument_that_must_be_given_is_told_with_its_choices(
+    package: Path, words: str, expected: str
+) -> None:
+    path = describe(package, f"DeclareLaunchArgument('side'{words}),")
+
+    with pytest.raises(InputError) as raised:
+        ad.load_launch(path)
+
+    assert str(raised.value).endswith(f"has no default; give it as {expected}")
+
+
+@pytest.mark.parametrize(
     ("package_name", "expected"),
     [
         ("LaunchConfiguration('of')", "is empty; give it as of:=NAME"),
