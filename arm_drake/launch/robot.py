@@ -149,6 +149,8 @@ class LaunchedRobot:
         options = dict(self.loading)
         own = options.pop("controllers", None) or self._files(package_paths)
         files = [*map(Path, own), *bridges]
+        # One that is only shown has no controllers, whatever lies beside it.
+        is_shown = not self.is_controlled and not self.spawned
         said: dict[str, Any] = {"name": name, "srdf": self.srdf}
         said["namespace"] = self.namespace or None
         rewritten = self.folder.rewritten if self.folder else {}
@@ -156,7 +158,7 @@ class LaunchedRobot:
             robot = load_robot(
                 self.source,
                 xacro_args=self.xacro_args,
-                controllers=files or None,
+                controllers=files or ([] if is_shown else None),
                 package_paths=package_paths,
                 variables=self._variables_in(files) | options.pop("variables", {}),
                 pose=placed.pose if self.pose is None else self.pose,
@@ -535,6 +537,7 @@ class RobotParts:
             if own is None or _is_among(own, descriptions, in_namespace=True):
                 continue
             others = [d for d in descriptions if d.namespace == own.namespace]
+            others = others or self._published_apart(own, descriptions)
             if len(others) == 1 and others[0].source == own.source:
                 # What is published, but for arguments that concern its control.
                 index = descriptions.index(others[0])
@@ -570,6 +573,13 @@ class RobotParts:
                 for spawn in spawns
             ] or [robot]
         return self._add_spawned(robots, has_world=has_world)
+
+    def _published_apart(
+        self, own: Description, descriptions: Sequence[Description]
+    ) -> list[Description]:
+        """Return what is published elsewhere of the one robot that a manager has."""
+        is_same = len(self.managers) == 1 and _is_among(own, descriptions)
+        return list(descriptions) if is_same and len(descriptions) == 1 else []
 
     def _semantics_of(self, description: Description, count: int) -> Path | None:
         for namespace, path in self.semantics:

@@ -195,6 +195,43 @@ def test_an_argument_that_must_be_given_is_told_with_its_choices(
     assert str(raised.value).endswith(f"has no default; give it as {expected}")
 
 
+@pytest.mark.slow
+def test_a_robot_that_is_only_shown_needs_no_variables_of_a_yaml(package: Path) -> None:
+    file = package / "config" / "controllers.yaml"
+    text = file.read_text(encoding="utf-8")
+    text = text.replace("[swing]", "[$(var side)swing]")
+    file.write_text(text, encoding="utf-8")
+
+    scene = ad.load_launch(describe(package, "publisher(),")).load_scene()
+
+    assert not scene.robots[0].controllers.controllers
+
+
+@pytest.mark.slow
+def test_what_one_manager_has_is_the_robot_that_is_published_elsewhere(
+    package: Path,
+) -> None:
+    entities = """
+    publisher(namespace="/arm/"),
+    manager(parameters=[{"robot_description": Command(XACRO)}, YAML]),
+    spawner("arm_controller", "-c", "/controller_manager"),
+    spawner("forward", "-c", "/arm/controller_manager"),
+    """
+    before = """
+    def manager(parameters):
+        return Node(
+            package="controller_manager", executable="ros2_control_node",
+            parameters=parameters)
+    """
+
+    plan = ad.load_launch(describe(package, entities, before))
+
+    (robot,) = plan.robots
+    assert (robot.namespace, dict(robot.spawned)) == ("", {"arm_controller": "active"})
+    (left_out,) = plan.not_started
+    assert "forward" in str(left_out)
+
+
 @pytest.mark.parametrize(
     ("package_name", "expected"),
     [
