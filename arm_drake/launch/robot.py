@@ -19,7 +19,7 @@ from arm_drake.description.entry import TEXT, text_of
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport, ReportEntry
 from arm_drake.description.robot import Pose, Robot
-from arm_drake.description.xacro import expand_xacro
+from arm_drake.description.xacro import SAID, expand_xacro
 from arm_drake.errors import InputError, PackageError, find_close, suggest
 from arm_drake.launch.frames import Placed
 from arm_drake.loading import load_robot
@@ -106,6 +106,9 @@ class LaunchedRobot:
     # Controllers of which all run or none (`--activate-as-group`).
     groups: tuple[tuple[str, ...], ...] = ()
 
+    # Whether `ros2 launch` ends if xacro says something.
+    ends_on_words: bool = False
+
     # SRDF file that a planner is given, with what lies beside it.
     srdf: Path | None = None
 
@@ -174,6 +177,8 @@ class LaunchedRobot:
             raise InputError(
                 error.problem, file=file, line=line, where=error.where
             ) from None
+        if self.ends_on_words:
+            _report_words(robot.report)
         robot = _name_sources(robot, rewritten)
         namespace = self.namespace.strip("/")
         aliases = [each.to_alias(namespace) for each in self.remappings]
@@ -287,6 +292,15 @@ class LaunchedRobot:
         lines += [f"  controller {name}: {s}" for name, s in self.spawned.items()]
         lines += [f"  planning groups: {self.srdf}"] if self.srdf else []
         return lines
+
+
+def _report_words(report: LoadReport) -> None:
+    """Report that `ros2 launch` ends where xacro prints something to standard error."""
+    for said in [each for each in report if each.done == SAID][:1]:
+        words = said.what.partition(" (when ")[0]
+        what = f"xacro prints {words!r}, and on_stderr of its Command is 'fail'"
+        done = "ros2 launch ends there, unless with on_stderr='warn'; here it goes on"
+        report.add("error", "invalid", what, done, file=said.file)
 
 
 def _name_sources(robot: Robot, rewritten: Mapping[str, tuple[str, bool]]) -> Robot:
@@ -436,6 +450,7 @@ class Description(NamedTuple):
     source: Path | str
     arguments: Mapping[str, str]
     frame_prefix: str = ""
+    ends_on_words: bool = False
 
 
 class Spawn(NamedTuple):
@@ -555,6 +570,7 @@ class RobotParts:
                 xacro_args=description.arguments,
                 namespace=description.namespace,
                 frame_prefix=description.frame_prefix,
+                ends_on_words=description.ends_on_words,
                 has_manager=bool(managers),
                 controllers=tuple(f for m in managers for f in m.files),
                 srdf=self._semantics_of(description, len(descriptions)),

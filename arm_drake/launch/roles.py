@@ -409,7 +409,8 @@ class Roles:
         if match is not None and int(match[1]) < len(found):
             made = found[int(match[1])]
             file = self._finder.real(Path(made["file"]))
-            return Description(topic, space, file, made["arguments"], prefix)
+            ends = made["ends_on_words"]
+            return Description(topic, space, file, made["arguments"], prefix, ends)
         if "<robot" not in text:
             return None
         for name in dict.fromkeys(self._answer["opened"]):

@@ -125,11 +125,15 @@ class LaunchContext:
         """Return the text that a substitution stands for."""
         return perform(self, substitution)
 
-    def describe(self, file: str, arguments: Mapping[str, str]) -> str:
-        """Return what takes the place of an expanded description, as XML."""
-        self.descriptions.append(
-            {"file": os.path.abspath(file), "arguments": dict(arguments)}
-        )
+    def describe(
+        self, file: str, arguments: Mapping[str, str], *, ends_on_words: bool = False
+    ) -> str:
+        """Return what takes the place of an expanded description, as XML.
+
+        `ends_on_words` is whether the launch ends if xacro says something.
+        """
+        made = {"file": os.path.abspath(file), "arguments": dict(arguments)}
+        self.descriptions.append({**made, "ends_on_words": ends_on_words})
         return Described(f'<robot key="{len(self.descriptions) - 1}" by="arm_drake"/>')
 
 
@@ -313,15 +317,22 @@ class FindExecutable(Substitution):
         return perform(context, self.args[0])
 
 
+_ON_STDERR = ("fail", "ignore", "warn", "capture")
+
+
 class Command(Substitution):
     """What a program prints: xacro's is expanded later, others are refused."""
 
     def __init__(self, command: Any, *, on_stderr: Any = "fail") -> None:
         super().__init__()
-        self.command = command
+        self.command, self.on_stderr = command, on_stderr
 
     def perform(self, context: LaunchContext) -> str:
         text = perform(context, self.command)
+        on_stderr = perform(context, self.on_stderr)
+        if on_stderr not in _ON_STDERR:
+            expected = f"expected one of {', '.join(_ON_STDERR)}"
+            raise SubstitutionFailure(f"on_stderr {on_stderr!r}: {expected}")
         try:
             program, *words = _split_command(text)
         except ValueError:
@@ -331,7 +342,11 @@ class Command(Substitution):
         files = [w for w in words if ":=" not in w and not w.startswith("-")]
         if os.path.basename(program) in ("xacro", "xacro.py", "cat") and files:
             pairs = (word.partition(":=") for word in words if ":=" in word)
-            return context.describe(files[0], {name: v for name, _, v in pairs})
+            return context.describe(
+                files[0],
+                {name: v for name, _, v in pairs},
+                ends_on_words=on_stderr == "fail",
+            )
         raise SubstitutionFailure(
             f"command {text!r} is not run; expected xacro FILE [NAME:=VALUE ...]"
         )
@@ -523,7 +538,7 @@ _BY_NAME: Mapping[str, Callable[..., Any]] = {
     "anon": AnonName,
     "any": OrSubstitution,
     "all": AndSubstitution,
-    "command": lambda text, on_stderr="": Command(text),
+    "command": lambda text, on_stderr="fail": Command(text, on_stderr=on_stderr),
     "dirname": ThisLaunchFileDir,
     "env": lambda name, default=None: EnvironmentVariable(name, default_value=default),
     "equals": EqualsSubstitution,

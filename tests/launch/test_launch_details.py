@@ -208,6 +208,35 @@ def test_a_robot_that_is_only_shown_needs_no_variables_of_a_yaml(package: Path) 
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("words", "ends"), [("", True), (", on_stderr='warn'", False)])
+def test_a_launch_that_ends_where_xacro_warns_is_told(
+    package: Path, words: str, ends: bool
+) -> None:
+    file = package / "urdf" / "pendulum.urdf.xacro"
+    text = file.read_text(encoding="utf-8")
+    warning = "${xacro.warning('old')}"
+    file.write_text(text.replace("</robot>", f"{warning}</robot>"), encoding="utf-8")
+    entities = f"""
+    Node(
+        package="robot_state_publisher", executable="robot_state_publisher",
+        parameters=[{{"robot_description": Command(XACRO{words})}}]),
+    """
+
+    (robot,) = ad.load_launch(describe(package, entities)).load_scene().robots
+
+    told = [str(each) for each in robot.report.errors]
+    assert len(told) == ends
+    assert all("xacro prints 'old', and on_stderr" in each for each in told)
+
+
+def test_an_unknown_way_to_take_errors_of_a_command_is_refused(package: Path) -> None:
+    entities = "LogInfo(msg=Command(XACRO, on_stderr='stop')),"
+
+    with pytest.raises(InputError, match="on_stderr 'stop': expected one of fail"):
+        ad.load_launch(describe(package, entities))
+
+
+@pytest.mark.slow
 def test_what_one_manager_has_is_the_robot_that_is_published_elsewhere(
     package: Path,
 ) -> None:
