@@ -14,6 +14,8 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from arm_drake.errors import suggest
+
 # What takes the place of an expanded description, by its number.
 KEY = re.compile(r'<robot key="([0-9]{1,9})" by="arm_drake"/>')
 
@@ -196,10 +198,9 @@ class LaunchConfiguration(Substitution):
         if name in context.launch_configurations:
             return context.launch_configurations[name]
         if self.default is None:
-            known = ", ".join(sorted(context.launch_configurations)) or "none"
-            raise SubstitutionFailure(
-                f"launch configuration {name!r} does not exist; known: {known}"
-            )
+            hint = suggest(name, context.launch_configurations)
+            text = f"launch configuration {name!r} does not exist; {hint}"
+            raise SubstitutionFailure(text)
         return perform(context, self.default)
 
 

@@ -229,6 +229,16 @@ def test_a_launch_that_ends_where_xacro_warns_is_told(
     assert all("xacro prints 'old', and on_stderr" in each for each in told)
 
 
+def test_a_close_name_of_a_launch_configuration_is_suggested(package: Path) -> None:
+    entities = """
+    DeclareLaunchArgument("frequency", default_value="10"),
+    LogInfo(msg=LaunchConfiguration("frequence")),
+    """
+
+    with pytest.raises(InputError, match=r"'frequence' .* did you mean 'frequency'"):
+        ad.load_launch(describe(package, entities))
+
+
 def test_an_unknown_way_to_take_errors_of_a_command_is_refused(package: Path) -> None:
     entities = "LogInfo(msg=Command(XACRO, on_stderr='stop')),"
 
