@@ -664,6 +664,7 @@ def main() -> None:
         error=error,
         arguments=list(run.declared.values()),
         values=context.launch_configurations,
+        asked=sorted(context.asked),
         records=run.records,
         descriptions=context.descriptions,
         rewritten=context.rewritten,

@@ -87,6 +87,8 @@ class LaunchContext:
         self.expand = expand
         self.find_package = find_package
         self.launch_configurations: dict[str, str] = {}
+        # Names of configurations that something asked for.
+        self.asked: set[str] = set()
         self.locals = types.SimpleNamespace()
         # Launch files that are being read, and xacro descriptions that were asked for.
         self.files: list[str] = []
@@ -195,6 +197,7 @@ class LaunchConfiguration(Substitution):
 
     def perform(self, context: LaunchContext) -> str:
         name = perform(context, self.variable_name)
+        context.asked.add(name)
         if name in context.launch_configurations:
             return context.launch_configurations[name]
         if self.default is None:

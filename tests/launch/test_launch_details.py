@@ -229,6 +229,21 @@ def test_a_launch_that_ends_where_xacro_warns_is_told(
     assert all("xacro prints 'old', and on_stderr" in each for each in told)
 
 
+@pytest.mark.slow
+def test_an_argument_that_is_only_read_has_its_effect(package: Path) -> None:
+    entities = """
+    Node(package="own", executable=LaunchConfiguration("side", default="left")),
+    """
+    path = describe(package, entities)
+
+    plan = ad.load_launch(path, arguments={"side": "right"})
+
+    assert [each.name for each in plan.not_started] == ["own/right"]
+    assert not list(plan.report)
+    plan = ad.load_launch(path, arguments={"sides": "right"})
+    assert "no launch argument 'sides'" in str(plan.report)
+
+
 def test_a_close_name_of_a_launch_configuration_is_suggested(package: Path) -> None:
     entities = """
     DeclareLaunchArgument("frequency", default_value="10"),
