@@ -21,6 +21,7 @@ import importlib.machinery
 import io
 import json
 import os
+import re
 import resource
 import sys
 import tempfile
@@ -446,19 +447,12 @@ class _Finder:
         pass
 
 
-# What reads a text of XML in a way that asks nothing of the text.
-_PARSERS = ((ElementTree, "XML"), (ElementTree, "fromstring"), (minidom, "parseString"))
-
-
-def _expanding(parse: Callable[..., Any]) -> Callable[..., Any]:
-    """Return what parses a description, also where something takes its place."""
-
-    @functools.wraps(parse)
-    def wrapped(text: Any, *args: Any, **kwargs: Any) -> Any:
-        whole = current().expanded(text) if isinstance(text, str) else text
-        return parse(whole, *args, **kwargs)
-
-    return wrapped
+# What looks into a text in a way that asks nothing of the text.
+_LOOKING: Mapping[types.ModuleType, Sequence[str]] = {
+    ElementTree: ("XML", "fromstring"),
+    minidom: ("parseString",),
+    re: ("findall", "finditer", "fullmatch", "match", "search", "split", "sub", "subn"),
+}
 
 
 def install(context: Context, find_sources: Callable[[str], str | None]) -> None:
@@ -468,8 +462,9 @@ def install(context: Context, find_sources: Callable[[str], str | None]) -> None
     """
     substitutions.enter(context)
     sys.modules.update(_make_modules())
-    for module, name in _PARSERS:
-        vars(module)[name] = _expanding(getattr(module, name))
+    for module, names in _LOOKING.items():
+        for name in names:
+            vars(module)[name] = substitutions.expanding(getattr(module, name))
     finder = _Finder(find_sources)
     # Before others for the modules of launch, after them for packages' own.
     sys.meta_path.insert(0, finder)

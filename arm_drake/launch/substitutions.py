@@ -5,6 +5,7 @@ They have the names and the arguments of `launch.substitutions`,
 their documentation. They are used in the process that reads launch files alone.
 """
 
+import functools
 import os
 import re
 import shlex
@@ -53,6 +54,10 @@ class Described(str):
 
     __slots__ = ()
 
+    def __bool__(self) -> bool:
+        """Return that there is a text, for which it needn't be expanded."""
+        return True
+
 
 def _look_into(name: str) -> Callable[..., Any]:
     """Return a method of texts that has that of the expanded description."""
@@ -67,8 +72,17 @@ def _look_into(name: str) -> Callable[..., Any]:
 
 # What only passes a text on isn't among them: that wouldn't need it expanded.
 _LOOKS = (
-    *("__contains__", "__getitem__", "count", "encode", "find", "index", "partition"),
-    *("replace", "rfind", "rindex", "rpartition", "rsplit", "split", "splitlines"),
+    *("__contains__", "__getitem__", "__len__", "count", "encode", "find", "index"),
+    *(
+        "partition",
+        "replace",
+        "rfind",
+        "rindex",
+        "rpartition",
+        "rsplit",
+        "split",
+        "splitlines",
+    ),
     "translate",
 )
 for _name in _LOOKS:
@@ -139,6 +153,24 @@ class LaunchContext:
         made = {"file": os.path.abspath(file), "arguments": dict(arguments)}
         self.descriptions.append({**made, "ends_on_words": ends_on_words})
         return Described(f'<robot key="{len(self.descriptions) - 1}" by="arm_drake"/>')
+
+
+def expanding(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function that is given descriptions, not what takes their place."""
+
+    def whole(value: Any) -> Any:
+        return current().expanded(value) if isinstance(value, str) else value
+
+    @functools.wraps(function)
+    def wrapped(*args: Any, **kwargs: Any) -> Any:
+        found = function(*map(whole, args), **{k: whole(v) for k, v in kwargs.items()})
+        if not isinstance(found, str):
+            return found
+        # A description that stays as it is keeps its place.
+        texts = [each for each in (*args, *kwargs.values()) if isinstance(each, str)]
+        return next((each for each in texts if whole(each) == found), found)
+
+    return wrapped
 
 
 def perform(context: LaunchContext, value: Any) -> str:
