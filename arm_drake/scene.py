@@ -81,7 +81,7 @@ class Scene:
     # By link; where there are several robots by `<robot>/<link>`.
     payloads: Payloads = dc.field(default_factory=dict)
 
-    # By robot.
+    # By robot, or one that calls all of several robots `<robot>/<name>`, by "".
     motions: Mapping[str, Motion] = dc.field(default_factory=dict)
 
     file: Path | None = None
@@ -111,7 +111,7 @@ class Scene:
         """The motions of all robots as one, for `Simulation.run`; None if none has."""
         if not self.motions:
             return None
-        if len(self.robots) == 1:
+        if len(self.robots) == 1 or set(self.motions) == {""}:
             return next(iter(self.motions.values()))
         parts = tuple(
             dc.replace(

@@ -136,11 +136,10 @@ def _check_strict(options: argparse.Namespace, plan: LaunchPlan) -> None:
 def _with_motion(options: argparse.Namespace, scene: Scene) -> Scene:
     if options.motion is None and not options.set:
         return scene
-    if len(scene.robots) > 1:
-        raise InputError("--motion is for one robot; the launch file starts several")
-    (robot,) = scene.robots
-    motion = choose_motion(options.motion, options.set, robot)
-    return dc.replace(scene, motions={} if motion is None else {robot.name: motion})
+    # One of several robots is a file's, which calls their controllers in full.
+    motion = choose_motion(options.motion, options.set, scene.robots[0])
+    name = scene.robots[0].name if len(scene.robots) == 1 else ""
+    return dc.replace(scene, motions={} if motion is None else {name: motion})
 
 
 def _use_rviz(options: argparse.Namespace, plan: LaunchPlan) -> None:

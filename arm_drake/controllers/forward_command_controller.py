@@ -135,6 +135,9 @@ class JointGroupControllerParameters:
     # Joints to command, in the order of the values; at least one, unique.
     joints: tuple[str, ...]
 
+    # Known and without effect: upstream overwrites it with the interface of the type.
+    interface_name: str = ""
+
     def __post_init__(self) -> None:
         check_not_empty(self, "joints")
         check_unique(self, "joints")

@@ -24,7 +24,7 @@ from typing import Any
 
 from arm_drake.description.elements import explain_malformed, lines_of_elements
 from arm_drake.description.packages import PackageFinder
-from arm_drake.description.report import LoadReport, Places
+from arm_drake.description.report import LoadReport, Places, Severity
 from arm_drake.errors import (
     ArmDrakeError,
     DescriptionError,
@@ -161,10 +161,29 @@ def _open_regular(path: Path) -> Any:
 CPU_TIME = 10
 MEMORY = 2**30
 
+# What the report tells of what xacro prints to its standard error.
+SAID = "so says xacro"
+
+# Lines of it that tell where the line before them comes from.
+_WHERE = ("when ", "instantiated from: ", "in file: ", "included from: ")
+
 _DECLARATION = re.compile(r"\s+<\?xml\b.*?\?>", re.DOTALL)
 
 # More than any robot has: a file of this size is no description [bytes].
 MAX_SIZE = 64 * 2**20
+
+
+def _sayings(text: str) -> list[str]:
+    """Return what xacro says, each with the lines that tell where that is."""
+    found: list[list[str]] = []
+    for line in text.splitlines():
+        if found and line.startswith(_WHERE):
+            found[-1].append(line.strip())
+        elif line.strip():
+            found.append([line.strip()])
+    return [
+        first + (f" ({', '.join(where)})" if where else "") for first, *where in found
+    ]
 
 
 def expand_xacro(
@@ -195,9 +214,11 @@ def expand_xacro(
     if "error" in answer:
         raise _explain(answer, path, packages)
     if report is not None:
-        for line in answer["said"].splitlines():
-            what = line.strip().removeprefix("warning: ")
-            report.add("info", "ignored", what, "so says xacro", file=path)
+        for what in _sayings(answer["said"]):
+            is_error = what.startswith("error: ")
+            what = what.removeprefix("warning: ").removeprefix("error: ")
+            severity: Severity = "error" if is_error else "info"
+            report.add(severity, "ignored", what, SAID, file=path)
     _check_unused(answer["unused"], path, packages, report)
     real = [packages.real(Path(name)) for name in answer["place_files"]]
     places.text = answer["text"]

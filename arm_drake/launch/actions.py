@@ -15,7 +15,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from arm_drake.launch.event_handlers import Event, EventHandler
+from arm_drake.launch.event_handlers import EventHandler, entities_after
 from arm_drake.launch.nodes import PACKAGES, ends
 from arm_drake.launch.parameters import Parameter, read_parameters, read_value
 from arm_drake.launch.substitutions import (
@@ -103,12 +103,14 @@ class DeclareLaunchArgument(Action):
         super().__init__(**kwargs)
         self.name, self.default_value = name, default_value
         self.description = description
+        # Of one text, as `("left")` is without its comma, all parts are, as in ROS.
+        self.is_text = isinstance(choices, str)
+        choices = [choices] if isinstance(choices, str) else choices
         self.choices = None if choices is None else [str(each) for each in choices]
 
     def act(self, run: "LaunchRun") -> None:
         configurations = run.context.launch_configurations
-        default = self.default_value
-        text = None if default is None else perform(run.context, default)
+        text = self._default(run)
         run.declare(
             name=self.name,
             default=text,
@@ -121,15 +123,23 @@ class DeclareLaunchArgument(Action):
                     return
                 raise LaunchError(
                     f"argument {self.name!r} has no default; give it as "
-                    f"{self.name}:=VALUE"
+                    f"{self.name}:={'|'.join(self.choices or ['VALUE'])}"
                 )
             configurations[self.name] = text
-        value = configurations[self.name]
-        if self.choices is not None and value not in self.choices:
-            raise LaunchError(
-                f"argument {self.name}:={value}: expected one of "
-                f"{', '.join(self.choices)}"
-            )
+        value, choices = configurations[self.name], self.choices or []
+        if choices and value not in (choices[0] if self.is_text else choices):
+            text = f"argument {self.name}:={value}: expected one of "
+            raise LaunchError(text + ", ".join(choices))
+
+    def _default(self, run: "LaunchRun") -> str | None:
+        """Return the default's text; None if there is none, or none that is needed."""
+        default = self.default_value
+        try:
+            return None if default is None else perform(run.context, default)
+        except LaunchError:
+            if self.name not in run.context.launch_configurations:
+                raise
+            return None  # ROS doesn't evaluate it then.
 
 
 class SetLaunchConfiguration(Action):
@@ -766,7 +776,7 @@ class LaunchRun:
             if any(h.matches(action) for h in follows):
                 self.note("assumed_end", **_name_of(action))
         if action.on_exit and is_known:
-            self.visit(action.on_exit)
+            self.visit(entities_after(action.on_exit, action, self.context))
         self.fire("exit", action, is_known=is_known)
         self.fire("complete", action, is_known=is_known)
 
@@ -777,10 +787,7 @@ class LaunchRun:
                 continue
             if not is_known and handler.target is None:
                 continue
-            entities = handler.entities
-            if callable(entities) and not isinstance(entities, Action):
-                entities = entities(Event(action=action, returncode=0), self.context)
-            self.visit(entities)
+            self.visit(entities_after(handler.entities, action, self.context))
 
 
 def _name_of(action: Any) -> dict[str, Any]:

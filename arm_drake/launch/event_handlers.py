@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from arm_drake.launch.substitutions import LaunchContext, perform
+
 
 class Event:
     """An event, of which only its kind matters."""
@@ -70,3 +72,23 @@ class OnShutdown(EventHandler):
 
 class OnProcessIO(EventHandler):
     kind = "output"
+
+
+def entities_after(entities: Any, action: Any, context: LaunchContext) -> Any:
+    """Return what follows an event of an action; a function is told the event."""
+    if not callable(entities) or hasattr(entities, "visit"):
+        return entities
+    own = getattr(action, "executable", None)
+    command = [own] if own else getattr(action, "cmd", ())
+    words = [perform(context, word) for word in command]
+    event = Event(
+        action=action,
+        process_name=f"{words[0].rpartition('/')[2]}-1" if words else "",
+        cmd=words,
+        cwd=None,
+        env=None,
+        pid=0,
+        # What ends here does so well.
+        returncode=0,
+    )
+    return entities(event, context)

@@ -189,7 +189,8 @@ def _read(
     known = {argument.name for argument in arguments} | set(answer["values"])
     declared = {argument.name for argument in arguments}
     for name in values:
-        if name not in declared:
+        # What isn't declared, but asked for, has its effect in ROS, too.
+        if name not in declared and name not in answer["asked"]:
             hint = suggest(name, declared or known)
             what = f"no launch argument {name!r}; {hint}"
             report.add("warning", "ignored", what, "it may have no effect", file=path)

@@ -21,6 +21,7 @@ import importlib.machinery
 import io
 import json
 import os
+import re
 import resource
 import sys
 import tempfile
@@ -29,6 +30,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 from xml.dom import minidom
+from xml.etree import ElementTree
 
 import yaml
 
@@ -222,23 +224,44 @@ class ParameterBuilder:
         return self._values
 
 
-def _spawners(
-    controllers: Mapping[str, Any] | Sequence[str],
-    *args: Any,
-    **kwargs: Any,
+def _spawner_from_dict(
+    controller_info_dict: Mapping[str, Any], extra_spawner_args: Sequence[Any] = ()
+) -> actions.LaunchDescription:
+    """Return a spawner of controllers with their files of parameters."""
+    values = controller_info_dict.values()
+    files = [file for value in values for file in _normalize(value) if file]
+    return _spawner(list(controller_info_dict), files, extra_spawner_args)
+
+
+def _load_controller(
+    controller_name: str,
+    controller_type: Any = None,
+    controller_params_file: Any = None,
+    extra_spawner_args: Sequence[Any] = (),
+) -> actions.LaunchDescription:
+    """Return a spawner of one controller; only Humble's takes a type, as its second."""
+    if str(controller_type).endswith((".yaml", ".yml")):
+        if controller_params_file is not None:
+            extra_spawner_args = controller_params_file
+        controller_type, controller_params_file = None, controller_type
+    kind = ["--controller-type", controller_type] if controller_type else []
+    files = [file for file in _normalize(controller_params_file) if file]
+    return _spawner([controller_name], files, [*kind, *extra_spawner_args])
+
+
+def _spawner(
+    controller_names: Sequence[str],
+    controller_params_files: Sequence[Any] | None = None,
+    extra_spawner_args: Sequence[Any] = (),
 ) -> actions.LaunchDescription:
     """Return what `controller_manager.launch_utils` makes: arguments and a spawner."""
-    names, files = list(controllers), kwargs.get("controller_params_files") or []
-    if isinstance(controllers, Mapping):
-        sources = [each for value in controllers.values() for each in _normalize(value)]
-        files = [file for file in sources if file]
     manager = substitutions.LaunchConfiguration(
         "controller_manager_name", default="controller_manager"
     )
-    words: list[Any] = [*names, "--controller-manager", manager]
-    for file in files:
+    words: list[Any] = [*controller_names, "--controller-manager", manager]
+    for file in controller_params_files or ():
         words += ["--param-file", file]
-    words += [*(kwargs.get("extra_spawner_args") or [])]
+    words += [*(extra_spawner_args or ())]
     return actions.LaunchDescription(
         [
             actions.DeclareLaunchArgument(
@@ -283,8 +306,35 @@ _GAZEBO = {
 }
 
 
-# Modules of `moveit_configs_utils`.
+# Modules of `ament_index_python`, and of `moveit_configs_utils`.
+_OF_AMENT = ("constants", "packages", "resources", "search_paths")
 _OF_MOVEIT = ("launches", "launch_utils", "substitutions", "moveit_configs_builder")
+
+
+def _describe_index(share: Callable[[str], str]) -> Mapping[str, Any]:
+    """Return what tells of the index of installed resources: packages are all of it."""
+
+    def has_resource(resource_type: str, resource_name: str) -> Any:
+        try:
+            return get_resource(resource_type, resource_name)[1]
+        except LookupError:
+            return False
+
+    def get_resource(resource_type: str, resource_name: str) -> tuple[str, str]:
+        if resource_type != "packages":
+            text = f"Could not find the resource '{resource_name}' of type "
+            raise LookupError(f"{text}'{resource_type}'")
+        return "", substitutions.prefix_of(resource_name, share(resource_name))
+
+    return {
+        "RESOURCE_INDEX_SUBFOLDER": "share/ament_index/resource_index",
+        "InvalidResourceNameError": type("InvalidResourceNameError", (ValueError,), {}),
+        "get_resource": get_resource,
+        "get_resources": lambda resource_type: {},
+        "get_resource_types": set,
+        "get_search_paths": list,
+        "has_resource": has_resource,
+    }
 
 
 def _describe_modules() -> Mapping[str, Mapping[str, Any]]:
@@ -302,6 +352,7 @@ def _describe_modules() -> Mapping[str, Mapping[str, Any]]:
         "get_package_share_path": lambda name, print_warning=True: Path(share(name)),
         "get_package_prefix": lambda name: substitutions.prefix_of(name, share(name)),
         "get_packages_with_prefixes": dict,
+        **_describe_index(share),
     }
     xacro = {
         "process_file": _process_file,
@@ -310,10 +361,11 @@ def _describe_modules() -> Mapping[str, Mapping[str, Any]]:
         "process": lambda file, **kwargs: _process_file(file, **kwargs).toxml(),
         "XacroException": type("XacroException", (Exception,), {}),
     }
+    controllers = "generate_controllers_spawner_launch_description"
     controller_manager = {
-        f"generate_{name}_launch_description{ending}": _spawners
-        for name in ("controllers_spawner", "spawner", "load_controller")
-        for ending in ("", "_from_dict")
+        controllers: _spawner,
+        f"{controllers}_from_dict": _spawner_from_dict,
+        "generate_load_controller_launch_description": _load_controller,
     }
     nav2 = {
         "RewrittenYaml": parameters.RewrittenYaml,
@@ -329,8 +381,7 @@ def _describe_modules() -> Mapping[str, Mapping[str, Any]]:
     }
     return {
         "ament_index_python": ament,
-        "ament_index_python.packages": ament,
-        "ament_index_python.resources": ament,
+        **{f"ament_index_python.{name}": ament for name in _OF_AMENT},
         "xacro": xacro,
         "controller_manager": {},
         "controller_manager.launch_utils": controller_manager,
@@ -396,6 +447,14 @@ class _Finder:
         pass
 
 
+# What looks into a text in a way that asks nothing of the text.
+_LOOKING: Mapping[types.ModuleType, Sequence[str]] = {
+    ElementTree: ("XML", "fromstring"),
+    minidom: ("parseString",),
+    re: ("findall", "finditer", "fullmatch", "match", "search", "split", "sub", "subn"),
+}
+
+
 def install(context: Context, find_sources: Callable[[str], str | None]) -> None:
     """Let launch files import what they know, in a context.
 
@@ -403,6 +462,9 @@ def install(context: Context, find_sources: Callable[[str], str | None]) -> None
     """
     substitutions.enter(context)
     sys.modules.update(_make_modules())
+    for module, names in _LOOKING.items():
+        for name in names:
+            vars(module)[name] = substitutions.expanding(getattr(module, name))
     finder = _Finder(find_sources)
     # Before others for the modules of launch, after them for packages' own.
     sys.meta_path.insert(0, finder)
@@ -597,6 +659,7 @@ def main() -> None:
         error=error,
         arguments=list(run.declared.values()),
         values=context.launch_configurations,
+        asked=sorted(context.asked),
         records=run.records,
         descriptions=context.descriptions,
         rewritten=context.rewritten,

@@ -19,7 +19,7 @@ from arm_drake.description.entry import TEXT, text_of
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport, ReportEntry
 from arm_drake.description.robot import Pose, Robot
-from arm_drake.description.xacro import expand_xacro
+from arm_drake.description.xacro import SAID, expand_xacro
 from arm_drake.errors import InputError, PackageError, find_close, suggest
 from arm_drake.importing import dataclass
 from arm_drake.launch.frames import Placed
@@ -107,6 +107,9 @@ class LaunchedRobot:
     # Controllers of which all run or none (`--activate-as-group`).
     groups: tuple[tuple[str, ...], ...] = ()
 
+    # Whether `ros2 launch` ends if xacro says something.
+    ends_on_words: bool = False
+
     # SRDF file that a planner is given, with what lies beside it.
     srdf: Path | None = None
 
@@ -150,6 +153,8 @@ class LaunchedRobot:
         options = dict(self.loading)
         own = options.pop("controllers", None) or self._files(package_paths)
         files = [*map(Path, own), *bridges]
+        # One that is only shown has no controllers, whatever lies beside it.
+        is_shown = not self.is_controlled and not self.spawned
         said: dict[str, Any] = {"name": name, "srdf": self.srdf}
         said["namespace"] = self.namespace or None
         rewritten = self.folder.rewritten if self.folder else {}
@@ -157,7 +162,7 @@ class LaunchedRobot:
             robot = load_robot(
                 self.source,
                 xacro_args=self.xacro_args,
-                controllers=files or None,
+                controllers=files or ([] if is_shown else None),
                 package_paths=package_paths,
                 variables=self._variables_in(files) | options.pop("variables", {}),
                 pose=placed.pose if self.pose is None else self.pose,
@@ -173,6 +178,8 @@ class LaunchedRobot:
             raise InputError(
                 error.problem, file=file, line=line, where=error.where
             ) from None
+        if self.ends_on_words:
+            _report_words(robot.report)
         robot = _name_sources(robot, rewritten)
         namespace = self.namespace.strip("/")
         aliases = [each.to_alias(namespace) for each in self.remappings]
@@ -286,6 +293,15 @@ class LaunchedRobot:
         lines += [f"  controller {name}: {s}" for name, s in self.spawned.items()]
         lines += [f"  planning groups: {self.srdf}"] if self.srdf else []
         return lines
+
+
+def _report_words(report: LoadReport) -> None:
+    """Report that `ros2 launch` ends where xacro prints something to standard error."""
+    for said in [each for each in report if each.done == SAID][:1]:
+        words = said.what.partition(" (when ")[0]
+        what = f"xacro prints {words!r}, and on_stderr of its Command is 'fail'"
+        done = "ros2 launch ends there, unless with on_stderr='warn'; here it goes on"
+        report.add("error", "invalid", what, done, file=said.file)
 
 
 def _name_sources(robot: Robot, rewritten: Mapping[str, tuple[str, bool]]) -> Robot:
@@ -435,6 +451,7 @@ class Description(NamedTuple):
     source: Path | str
     arguments: Mapping[str, str]
     frame_prefix: str = ""
+    ends_on_words: bool = False
 
 
 class Spawn(NamedTuple):
@@ -456,6 +473,36 @@ class Manager(NamedTuple):
     topic: str
     files: tuple[Path, ...]
     remappings: tuple[Remapping, ...] = ()
+
+
+def has_controllers(parameters: Sequence[Any]) -> bool:
+    """Return whether parameters of a node, or files of them, have controllers' types.
+
+    These are a controller manager's: mappings in its parameters with a `type` of
+    pluginlib, such as "joint_trajectory_controller/JointTrajectoryController".
+    """
+    for each in parameters:
+        data: Any = {"ros__parameters": each}
+        if isinstance(each, str):
+            try:
+                data = yaml.safe_load(Path(each).read_text(encoding="utf-8"))
+            except (OSError, UnicodeError, yaml.YAMLError):
+                continue
+        if _has_types(data, "ros__parameters"):
+            return True
+    return False
+
+
+def _has_types(data: Any, key: str) -> bool:
+    """Return whether a mapping, or one in it, has controllers below a key."""
+    if not isinstance(data, Mapping):
+        return False
+    found = data.get(key)
+    sections = found.values() if isinstance(found, Mapping) else ()
+    types = [each.get("type") for each in sections if isinstance(each, Mapping)]
+    if any(isinstance(kind, str) and "/" in kind for kind in types):
+        return True
+    return any(_has_types(value, key) for value in data.values())
 
 
 class Spawner(NamedTuple):
@@ -506,6 +553,7 @@ class RobotParts:
             if own is None or _is_among(own, descriptions, in_namespace=True):
                 continue
             others = [d for d in descriptions if d.namespace == own.namespace]
+            others = others or self._published_apart(own, descriptions)
             if len(others) == 1 and others[0].source == own.source:
                 # What is published, but for arguments that concern its control.
                 index = descriptions.index(others[0])
@@ -523,6 +571,7 @@ class RobotParts:
                 xacro_args=description.arguments,
                 namespace=description.namespace,
                 frame_prefix=description.frame_prefix,
+                ends_on_words=description.ends_on_words,
                 has_manager=bool(managers),
                 controllers=tuple(f for m in managers for f in m.files),
                 srdf=self._semantics_of(description, len(descriptions)),
@@ -541,6 +590,13 @@ class RobotParts:
                 for spawn in spawns
             ] or [robot]
         return self._add_spawned(robots, has_world=has_world)
+
+    def _published_apart(
+        self, own: Description, descriptions: Sequence[Description]
+    ) -> list[Description]:
+        """Return what is published elsewhere of the one robot that a manager has."""
+        is_same = len(self.managers) == 1 and _is_among(own, descriptions)
+        return list(descriptions) if is_same and len(descriptions) == 1 else []
 
     def _semantics_of(self, description: Description, count: int) -> Path | None:
         for namespace, path in self.semantics:

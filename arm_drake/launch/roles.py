@@ -36,6 +36,7 @@ from arm_drake.launch.robot import (
     RobotParts,
     Spawn,
     Spawner,
+    has_controllers,
 )
 from arm_drake.launch.substitutions import KEY
 from arm_drake.launch.words import (
@@ -146,11 +147,13 @@ class Roles:
         self._models: list[LaunchedModel] = []
         self._simulator: str | None = None
         self._not_started: list[NotStarted] = []
+        self._own_nodes: list[tuple[Mapping[str, Any], NotStarted]] = []
 
     def find(self) -> dict[str, Any]:
         """Return the fields of a plan."""
         for record in self._answer["records"]:
             getattr(self, f"_read_{record['kind']}")(record)
+        self._take_managers()
         robots = self._parts.find_robots(has_world=self._world is not None)
         shared = {"folder": self._folder, "variables": self._answer["values"]}
         for name, reason in self._parts.left_out:
@@ -185,6 +188,8 @@ class Roles:
         self._add("info", "ignored", what, done, record)
 
     def _read_event(self, record: Mapping[str, Any]) -> None:
+        if record["name"] == "Shutdown":
+            return self._read_shutdown(record)
         what = f"event {record['name']}"
         self._add("warning", "unsupported", what, "it never comes here", record)
 
@@ -345,6 +350,7 @@ class Roles:
         if role is None:
             name = f"{package}/{executable}"
             self._not_started.append(_describe_node(record, self._finder, name))
+            self._own_nodes.append((record, self._not_started[-1]))
         elif role.reads:
             getattr(self, f"_read_{role.reads}")(record)
 
@@ -404,7 +410,8 @@ class Roles:
         if match is not None and int(match[1]) < len(found):
             made = found[int(match[1])]
             file = self._finder.real(Path(made["file"]))
-            return Description(topic, space, file, made["arguments"], prefix)
+            ends = made["ends_on_words"]
+            return Description(topic, space, file, made["arguments"], prefix, ends)
         if "<robot" not in text:
             return None
         for name in dict.fromkeys(self._answer["opened"]):
@@ -454,6 +461,21 @@ class Roles:
                 remappings=tuple(remappings),
             )
         )
+
+    def _take_managers(self) -> None:
+        """Take what has a manager's controllers, and spawners, as that manager."""
+        asked = {spawner.manager.strip("/") for spawner in self._parts.spawners}
+        for record, line in self._own_nodes:
+            name = _join(record["namespace"], record.get("name") or _MANAGER)
+            known = [manager.name for manager in self._parts.managers]
+            if name in known or name not in asked:
+                continue
+            if has_controllers(record["parameters"]):
+                self._not_started.remove(line)
+                what = f"node {line.name} has the controllers of /{name}"
+                done = "it is taken as a controller manager"
+                self._add("info", "unsupported", what, done, record)
+                self._read_manager(record)
 
     def _find_parameters(self, path: Path, manager: str) -> Path:
         """Return a parameter file, its manager's node called as it is here."""

@@ -5,6 +5,7 @@ They have the names and the arguments of `launch.substitutions`,
 their documentation. They are used in the process that reads launch files alone.
 """
 
+import functools
 import os
 import re
 import shlex
@@ -13,6 +14,8 @@ import types
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
+
+from arm_drake.errors import suggest
 
 # What takes the place of an expanded description, by its number.
 KEY = re.compile(r'<robot key="([0-9]{1,9})" by="arm_drake"/>')
@@ -46,6 +49,46 @@ class PackageNotFoundError(LookupError, LaunchError):
     """A package that isn't found; the name is that of `ament_index_python`."""
 
 
+class Described(str):
+    """What takes the place of an expanded description, until it is looked into."""
+
+    __slots__ = ()
+
+    def __bool__(self) -> bool:
+        """Return that there is a text, for which it needn't be expanded."""
+        return True
+
+
+def _look_into(name: str) -> Callable[..., Any]:
+    """Return a method of texts that has that of the expanded description."""
+
+    def method(described: str, *args: Any, **kwargs: Any) -> Any:
+        whole = current().expanded(str(described))
+        found = getattr(whole, name)(*args, **kwargs)
+        return described if found == whole else found
+
+    return method
+
+
+# What only passes a text on isn't among them: that wouldn't need it expanded.
+_LOOKS = (
+    *("__contains__", "__getitem__", "__len__", "count", "encode", "find", "index"),
+    *(
+        "partition",
+        "replace",
+        "rfind",
+        "rindex",
+        "rpartition",
+        "rsplit",
+        "split",
+        "splitlines",
+    ),
+    "translate",
+)
+for _name in _LOOKS:
+    setattr(Described, _name, _look_into(_name))
+
+
 class LaunchContext:
     """What substitutions are evaluated in: configurations, environment, files."""
 
@@ -58,6 +101,8 @@ class LaunchContext:
         self.expand = expand
         self.find_package = find_package
         self.launch_configurations: dict[str, str] = {}
+        # Names of configurations that something asked for.
+        self.asked: set[str] = set()
         self.locals = types.SimpleNamespace()
         # Launch files that are being read, and xacro descriptions that were asked for.
         self.files: list[str] = []
@@ -98,12 +143,34 @@ class LaunchContext:
         """Return the text that a substitution stands for."""
         return perform(self, substitution)
 
-    def describe(self, file: str, arguments: Mapping[str, str]) -> str:
-        """Return what takes the place of an expanded description, as XML."""
-        self.descriptions.append(
-            {"file": os.path.abspath(file), "arguments": dict(arguments)}
-        )
-        return f'<robot key="{len(self.descriptions) - 1}" by="arm_drake"/>'
+    def describe(
+        self, file: str, arguments: Mapping[str, str], *, ends_on_words: bool = False
+    ) -> str:
+        """Return what takes the place of an expanded description, as XML.
+
+        `ends_on_words` is whether the launch ends if xacro says something.
+        """
+        made = {"file": os.path.abspath(file), "arguments": dict(arguments)}
+        self.descriptions.append({**made, "ends_on_words": ends_on_words})
+        return Described(f'<robot key="{len(self.descriptions) - 1}" by="arm_drake"/>')
+
+
+def expanding(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function that is given descriptions, not what takes their place."""
+
+    def whole(value: Any) -> Any:
+        return current().expanded(value) if isinstance(value, str) else value
+
+    @functools.wraps(function)
+    def wrapped(*args: Any, **kwargs: Any) -> Any:
+        found = function(*map(whole, args), **{k: whole(v) for k, v in kwargs.items()})
+        if not isinstance(found, str):
+            return found
+        # A description that stays as it is keeps its place.
+        texts = [each for each in (*args, *kwargs.values()) if isinstance(each, str)]
+        return next((each for each in texts if whole(each) == found), found)
+
+    return wrapped
 
 
 def perform(context: LaunchContext, value: Any) -> str:
@@ -162,13 +229,13 @@ class LaunchConfiguration(Substitution):
 
     def perform(self, context: LaunchContext) -> str:
         name = perform(context, self.variable_name)
+        context.asked.add(name)
         if name in context.launch_configurations:
             return context.launch_configurations[name]
         if self.default is None:
-            known = ", ".join(sorted(context.launch_configurations)) or "none"
-            raise SubstitutionFailure(
-                f"launch configuration {name!r} does not exist; known: {known}"
-            )
+            hint = suggest(name, context.launch_configurations)
+            text = f"launch configuration {name!r} does not exist; {hint}"
+            raise SubstitutionFailure(text)
         return perform(context, self.default)
 
 
@@ -209,7 +276,18 @@ class FindPackageShare(Substitution):
         return find_package(package_name)
 
     def perform(self, context: LaunchContext) -> str:
-        return context.find_package(perform(context, self.package))
+        return context.find_package(self._name(context))
+
+    def _name(self, context: LaunchContext) -> str:
+        name = perform(context, self.package)
+        if name:
+            return name
+        asked = self.package
+        if isinstance(asked, list | tuple) and len(asked) == 1:
+            asked = asked[0]
+        variable = perform(context, getattr(asked, "variable_name", ""))
+        hint = f"; give it as {variable}:=NAME" if variable else ""
+        raise SubstitutionFailure(f"the name of a package is empty{hint}")
 
 
 class FindPackagePrefix(FindPackageShare):
@@ -217,7 +295,7 @@ class FindPackagePrefix(FindPackageShare):
         return prefix_of(package_name, find_package(package_name))
 
     def perform(self, context: LaunchContext) -> str:
-        name = perform(context, self.package)
+        name = self._name(context)
         return prefix_of(name, context.find_package(name))
 
 
@@ -275,15 +353,22 @@ class FindExecutable(Substitution):
         return perform(context, self.args[0])
 
 
+_ON_STDERR = ("fail", "ignore", "warn", "capture")
+
+
 class Command(Substitution):
     """What a program prints: xacro's is expanded later, others are refused."""
 
     def __init__(self, command: Any, *, on_stderr: Any = "fail") -> None:
         super().__init__()
-        self.command = command
+        self.command, self.on_stderr = command, on_stderr
 
     def perform(self, context: LaunchContext) -> str:
         text = perform(context, self.command)
+        on_stderr = perform(context, self.on_stderr)
+        if on_stderr not in _ON_STDERR:
+            expected = f"expected one of {', '.join(_ON_STDERR)}"
+            raise SubstitutionFailure(f"on_stderr {on_stderr!r}: {expected}")
         try:
             program, *words = _split_command(text)
         except ValueError:
@@ -293,7 +378,11 @@ class Command(Substitution):
         files = [w for w in words if ":=" not in w and not w.startswith("-")]
         if os.path.basename(program) in ("xacro", "xacro.py", "cat") and files:
             pairs = (word.partition(":=") for word in words if ":=" in word)
-            return context.describe(files[0], {name: v for name, _, v in pairs})
+            return context.describe(
+                files[0],
+                {name: v for name, _, v in pairs},
+                ends_on_words=on_stderr == "fail",
+            )
         raise SubstitutionFailure(
             f"command {text!r} is not run; expected xacro FILE [NAME:=VALUE ...]"
         )
@@ -485,7 +574,7 @@ _BY_NAME: Mapping[str, Callable[..., Any]] = {
     "anon": AnonName,
     "any": OrSubstitution,
     "all": AndSubstitution,
-    "command": lambda text, on_stderr="": Command(text),
+    "command": lambda text, on_stderr="fail": Command(text, on_stderr=on_stderr),
     "dirname": ThisLaunchFileDir,
     "env": lambda name, default=None: EnvironmentVariable(name, default_value=default),
     "equals": EqualsSubstitution,

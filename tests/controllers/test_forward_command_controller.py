@@ -82,6 +82,24 @@ bad: {{ros__parameters: {{{section}}}}}
         simulation.switch_controllers(activate=["bad"])
 
 
+def test_a_group_controller_knows_the_interface_that_it_overwrites(
+    tmp_path: Path,
+) -> None:
+    yaml = """
+controller_manager:
+  ros__parameters:
+    group: {type: position_controllers/JointGroupPositionController}
+group: {ros__parameters: {joints: [swing], interface_name: velocity}}
+"""
+    robot = models.load(tmp_path, models.pendulum(), yaml)
+
+    simulation = ad.Simulation(ad.build_diagram(robot))
+
+    assert "interface_name" not in str(simulation.report)
+    (group,) = simulation.list_controllers()
+    assert group.state == "active"
+
+
 def test_without_a_message_commands_stay_as_they_are() -> None:  # G4
     driven = drive_forward()
 

@@ -495,6 +495,19 @@ def test_what_xacro_warns_about_is_in_the_report(tmp_path, capsys):
     assert capsys.readouterr() == ("", "")
 
 
+def test_what_xacro_calls_an_error_is_one_with_its_place(tmp_path):
+    path = tmp_path / "robot.xacro"
+    macro = "<xacro:macro name=\"m\">${xacro.error('no hand')}</xacro:macro>"
+    path.write_text(robot(f"{macro}<link name='a'/><xacro:m/>"))
+    report = LoadReport()
+
+    expand_xacro(path, {}, PackageFinder(path), report)
+
+    (told,) = report
+    where = f"when instantiating macro: m ({path}), in file: {path}"
+    assert (told.severity, told.what) == ("error", f"no hand ({where})")
+
+
 # Ways from an expression to a function that makes the file TARGET.
 SYSTEM = (
     "[c for c in ().__class__.__base__.__subclasses__() if c.__name__=='_wrap_close']"

@@ -32,8 +32,8 @@ def message(path: Path) -> str:
     [
         ("import rclpy\n", "it imports 'rclpy', which isn't there without ROS", 1),
         (
-            "from ament_index_python import get_search_paths\n",
-            "ament_index_python here lacks it: cannot import name 'get_search_paths' "
+            "from ament_index_python import get_nothing\n",
+            "ament_index_python here lacks it: cannot import name 'get_nothing' "
             "from 'ament_index_python'",
             1,
         ),

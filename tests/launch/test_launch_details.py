@@ -150,6 +150,243 @@ def test_a_document_of_xacro_may_be_changed(package: Path, is_changed: bool) -> 
     assert ("pole" in robot.description.links) == is_changed
 
 
+@pytest.mark.slow
+def test_a_function_that_follows_an_end_is_told_how_a_program_ended(
+    package: Path,
+) -> None:
+    before = """
+    def follow(event, context):
+        if event.returncode != 0 or not event.process_name.startswith("spawner"):
+            return [Shutdown()]
+        return spawner("arm_controller", on_exit=lambda event, context: [
+            Node(package="own", executable=f"after_{event.cmd[0]}")])
+
+    first = spawner("joint_state_broadcaster")
+    """
+    path = describe(
+        package,
+        """
+        publisher(), manager(), first,
+        RegisterEventHandler(OnProcessExit(target_action=first, on_exit=follow)),
+        """,
+        before,
+    )
+
+    plan = ad.load_launch(path)
+
+    spawned = list(plan.robots[0].spawned)
+    assert spawned == ["joint_state_broadcaster", "arm_controller"]
+    assert [each.name for each in plan.not_started] == ["own/after_spawner"]
+    assert not plan.report.errors
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [("", "side:=VALUE"), (", choices=['left', 'right']", "side:=left|right")],
+)
+def test_an_argument_that_must_be_given_is_told_with_its_choices(
+    package: Path, words: str, expected: str
+) -> None:
+    path = describe(package, f"DeclareLaunchArgument('side'{words}),")
+
+    with pytest.raises(InputError) as raised:
+        ad.load_launch(path)
+
+    assert str(raised.value).endswith(f"has no default; give it as {expected}")
+
+
+@pytest.mark.slow
+def test_a_robot_that_is_only_shown_needs_no_variables_of_a_yaml(package: Path) -> None:
+    file = package / "config" / "controllers.yaml"
+    text = file.read_text(encoding="utf-8")
+    text = text.replace("[swing]", "[$(var side)swing]")
+    file.write_text(text, encoding="utf-8")
+
+    scene = ad.load_launch(describe(package, "publisher(),")).load_scene()
+
+    assert not scene.robots[0].controllers.controllers
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("words", "ends"), [("", True), (", on_stderr='warn'", False)])
+def test_a_launch_that_ends_where_xacro_warns_is_told(
+    package: Path, words: str, ends: bool
+) -> None:
+    file = package / "urdf" / "pendulum.urdf.xacro"
+    text = file.read_text(encoding="utf-8")
+    warning = "${xacro.warning('old')}"
+    file.write_text(text.replace("</robot>", f"{warning}</robot>"), encoding="utf-8")
+    entities = f"""
+    Node(
+        package="robot_state_publisher", executable="robot_state_publisher",
+        parameters=[{{"robot_description": Command(XACRO{words})}}]),
+    """
+
+    (robot,) = ad.load_launch(describe(package, entities)).load_scene().robots
+
+    told = [str(each) for each in robot.report.errors]
+    assert len(told) == ends
+    assert all("xacro prints 'old', and on_stderr" in each for each in told)
+
+
+@pytest.mark.slow
+def test_an_argument_that_is_only_read_has_its_effect(package: Path) -> None:
+    entities = """
+    Node(package="own", executable=LaunchConfiguration("side", default="left")),
+    """
+    path = describe(package, entities)
+
+    plan = ad.load_launch(path, arguments={"side": "right"})
+
+    assert [each.name for each in plan.not_started] == ["own/right"]
+    assert not list(plan.report)
+    plan = ad.load_launch(path, arguments={"sides": "right"})
+    assert "no launch argument 'sides'" in str(plan.report)
+
+
+def test_a_close_name_of_a_launch_configuration_is_suggested(package: Path) -> None:
+    entities = """
+    DeclareLaunchArgument("frequency", default_value="10"),
+    LogInfo(msg=LaunchConfiguration("frequence")),
+    """
+
+    with pytest.raises(InputError, match=r"'frequence' .* did you mean 'frequency'"):
+        ad.load_launch(describe(package, entities))
+
+
+def test_an_unknown_way_to_take_errors_of_a_command_is_refused(package: Path) -> None:
+    entities = "LogInfo(msg=Command(XACRO, on_stderr='stop')),"
+
+    with pytest.raises(InputError, match="on_stderr 'stop': expected one of fail"):
+        ad.load_launch(describe(package, entities))
+
+
+@pytest.mark.slow
+def test_what_one_manager_has_is_the_robot_that_is_published_elsewhere(
+    package: Path,
+) -> None:
+    entities = """
+    publisher(namespace="/arm/"),
+    manager(parameters=[{"robot_description": Command(XACRO)}, YAML]),
+    spawner("arm_controller", "-c", "/controller_manager"),
+    spawner("forward", "-c", "/arm/controller_manager"),
+    """
+    before = """
+    def manager(parameters):
+        return Node(
+            package="controller_manager", executable="ros2_control_node",
+            parameters=parameters)
+    """
+
+    plan = ad.load_launch(describe(package, entities, before))
+
+    (robot,) = plan.robots
+    assert (robot.namespace, dict(robot.spawned)) == ("", {"arm_controller": "active"})
+    (left_out,) = plan.not_started
+    assert "forward" in str(left_out)
+
+
+@pytest.mark.parametrize(
+    ("package_name", "expected"),
+    [
+        ("LaunchConfiguration('of')", "is empty; give it as of:=NAME"),
+        ("[LaunchConfiguration('of')]", "is empty; give it as of:=NAME"),
+        ("['', LaunchConfiguration('of')]", "the name of a package is empty"),
+    ],
+)
+def test_an_argument_that_names_no_package_is_told(
+    package: Path, package_name: str, expected: str
+) -> None:
+    entities = f"""
+    DeclareLaunchArgument("of", default_value=""),
+    LogInfo(msg=FindPackageShare({package_name})),
+    """
+
+    with pytest.raises(InputError, match=expected):
+        ad.load_launch(describe(package, entities))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "change",
+    [
+        "text.replace('child link=\"arm\"', 'child link=\"pole\"')"
+        ".replace('link name=\"arm\"', 'link name=\"pole\"')",
+        "by_tree(text)",
+        "by_pattern(text)",
+        "by_document(text)",
+    ],
+)
+def test_the_text_of_a_description_may_be_changed(package: Path, change: str) -> None:
+    before = f"""
+    import re
+    from xml.dom import minidom
+    from xml.etree import ElementTree as ET
+
+    def by_tree(text):
+        root = ET.fromstring(text)
+        root.findall("link")[1].set("name", "pole")
+        root.find(".//child").set("link", "pole")
+        return ET.tostring(root, encoding="unicode")
+
+    def by_pattern(text):
+        if len(re.findall("<link", text)) != 2 or len(text) < 100:
+            raise RuntimeError("not the whole text")
+        return re.sub('link( name)?="arm"', r'link\\1="pole"', text)
+
+    def by_document(text):
+        document = minidom.parseString(text)
+        document.getElementsByTagName("link")[1].setAttribute("name", "pole")
+        document.getElementsByTagName("child")[0].setAttribute("link", "pole")
+        return document.toxml()
+
+    def start(context):
+        text = Command(XACRO).perform(context)
+        if "<ros2_control" not in text:
+            raise RuntimeError("no ros2_control tag")
+        return [Node(
+            package="robot_state_publisher", executable="robot_state_publisher",
+            parameters=[{{"robot_description": {change}}}])]
+    """
+    plan = ad.load_launch(describe(package, "OpaqueFunction(function=start),", before))
+
+    (robot,) = plan.load_scene().robots
+    assert list(robot.description.links) == ["world", "pole"]
+
+
+@pytest.mark.slow
+def test_a_text_that_stays_as_it_is_comes_from_its_file(package: Path) -> None:
+    before = """
+    import re
+
+    def start(context):
+        text = Command(XACRO).perform(context).replace("${nothing}", "")
+        text = re.sub("<nothing/>", "", text)
+        return [Node(
+            package="robot_state_publisher", executable="robot_state_publisher",
+            parameters=[{"robot_description": text}])]
+    """
+    plan = ad.load_launch(describe(package, "OpaqueFunction(function=start),", before))
+
+    assert plan.robots[0].source == package / "urdf" / "pendulum.urdf.xacro"
+
+
+def test_both_ways_to_shut_the_launch_down_are_told_alike(package: Path) -> None:
+    before = "from launch import events"
+    path = describe(
+        package,
+        """
+        Shutdown(reason="done"),
+        EmitEvent(event=events.Shutdown(reason="done")),
+        """,
+        before,
+    )
+
+    # What is told twice is so once.
+    (told,) = ad.load_launch(path).report
+    assert (told.severity, told.what) == ("info", "it shuts the launch down")
+
+
 def test_a_description_that_xacro_refuses_is_reported(package: Path) -> None:
     (package / "urdf" / "wrong.xacro").write_text(
         "<robot name='a' xmlns:xacro='http://www.ros.org/wiki/xacro'>"
@@ -340,6 +577,65 @@ def test_a_spawner_without_its_manager_starts_nothing(package: Path) -> None:
     ]
 
 
+def test_the_functions_of_launch_utils_take_what_upstream_takes(package: Path) -> None:
+    before = """
+    from controller_manager.launch_utils import (
+        generate_controllers_spawner_launch_description as spawn,
+        generate_controllers_spawner_launch_description_from_dict as spawn_from_dict,
+        generate_load_controller_launch_description as load)
+
+    HERE = get_package_share_directory("pendulum_bringup") + "/config/"
+    """
+    for name in ("arm", "torso"):
+        text = f"{name}: {{ros__parameters: {{type: own/Own}}}}"
+        (package / "config" / f"{name}.yaml").write_text(text)
+    path = describe(
+        package,
+        """
+        publisher(), manager(),
+        load(controller_name="arm", controller_params_file=HERE + "arm.yaml"),
+        load("torso", HERE + "torso.yaml", ["--inactive"]),
+        load("head", "own/Head"),
+        spawn(controller_names=["forward"], extra_spawner_args=["--inactive"]),
+        spawn_from_dict(controller_info_dict={"arm_controller": None}),
+        """,
+        before,
+    )
+
+    (robot,) = ad.load_launch(path).robots
+
+    assert robot.spawned == {
+        "arm": "active",
+        "torso": "inactive",
+        "head": "active",
+        "forward": "inactive",
+        "arm_controller": "active",
+    }
+    files = [file.name for file in robot.controllers[:3]]
+    assert files == ["controllers.yaml", "arm.yaml", "torso.yaml"]
+
+
+def test_the_index_of_resources_knows_packages(package: Path) -> None:
+    before = """
+    from ament_index_python import get_resources, get_search_paths, has_resource
+    from ament_index_python.resources import get_resource
+
+    IS_THERE = bool(has_resource("packages", "pendulum_bringup"))
+    FOUND = [get_resources("own_type"), get_search_paths(), IS_THERE,
+             has_resource("packages", "gone"), has_resource("own_type", "a")]
+    SHARE = os.path.join(get_resource("packages", "pendulum_bringup")[1], "share",
+                         "pendulum_bringup", "config")
+    """
+    actions = (
+        "LogInfo(msg=str(FOUND)), LogInfo(msg=str(os.listdir(SHARE))), publisher(),"
+    )
+
+    plan = ad.load_launch(describe(package, actions, before))
+
+    assert "[{}, [], True, False, False]" in str(plan.report)
+    assert "['controllers.yaml']" in str(plan.report)
+
+
 def test_spawners_without_manager_and_simulator_start_nothing(
     package: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -355,6 +651,36 @@ def test_spawners_without_manager_and_simulator_start_nothing(
     ]
     assert main(["launch", str(path), "--headless"]) == 2
     assert "controller forward; /controller_manager" in capsys.readouterr().err
+
+
+def test_a_node_with_controllers_and_spawners_is_a_controller_manager(
+    package: Path,
+) -> None:
+    path = describe(
+        package,
+        """
+        publisher(),
+        Node(package="own_driver", executable="control_node",
+             parameters=[CONTROLLERS]),
+        Node(package="own_driver", executable="publisher_node",
+             parameters=[CONTROLLERS], name="goals"),
+        Node(package="own_driver", executable="watcher", namespace="left",
+             parameters=[{"arm": {"type": "own/Arm"}}]),
+        spawner("forward"),
+        """,
+        "CONTROLLERS = get_package_share_directory('pendulum_bringup') "
+        "+ '/config/controllers.yaml'",
+    )
+
+    plan = ad.load_launch(path)
+
+    (robot,) = plan.robots
+    assert (robot.has_manager, robot.spawned) == (True, {"forward": "active"})
+    assert [file.name for file in robot.controllers] == ["controllers.yaml"]
+    names = [each.name for each in plan.not_started]
+    assert names == ["own_driver/publisher_node", "own_driver/watcher"]
+    told = "own_driver/control_node has the controllers of /controller_manager"
+    assert f"node {told}; it is taken as a controller manager" in str(plan.report)
 
 
 def test_a_world_that_a_robot_is_put_into_by_other_means_has_its_controllers(

@@ -142,6 +142,41 @@ def test_arguments_have_defaults_choices_and_given_values(package: Path) -> None
     assert "no launch argument 'sid'; did you mean 'side'?" in str(plan.report)
 
 
+def test_choices_that_are_one_text_are_parts_of_it(package: Path) -> None:
+    path = describe(
+        package,
+        """
+        DeclareLaunchArgument("model", default_value="wx", choices=("wx")),
+        publisher([*XACRO, " prefix:=", LaunchConfiguration("model")]),
+        """,
+    )
+
+    plan = ad.load_launch(path)
+
+    assert plan.robots[0].xacro_args == {"prefix": "wx"}
+    assert plan.arguments[0].choices == ("wx",)
+    with pytest.raises(InputError, match=r"model:=vx: expected one of wx$"):
+        ad.load_launch(path, arguments={"model": "vx"})
+
+
+def test_a_default_that_can_not_be_found_matters_only_without_a_value(
+    package: Path,
+) -> None:
+    path = describe(
+        package,
+        """
+        DeclareLaunchArgument("prefix", default_value=FindPackageShare("not_there")),
+        publisher([*XACRO, " prefix:=", LaunchConfiguration("prefix")]),
+        """,
+    )
+
+    plan = ad.load_launch(path, arguments={"prefix": "left_"})
+
+    assert plan.robots[0].xacro_args == {"prefix": "left_"}
+    with pytest.raises(PackageError, match="package 'not_there' not found"):
+        ad.load_launch(path)
+
+
 @pytest.mark.slow
 def test_arguments_without_a_default_are_shown_and_asked_for(package: Path) -> None:
     path = describe(
@@ -899,6 +934,36 @@ def test_a_place_for_one_of_two_robots_is_refused(
 
     assert main(["launch", str(path), "--headless", "--initial", "swing=1"]) == 2
     assert "--initial is for one robot; it starts 2" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_motion_of_several_robots_names_their_controllers_in_full(
+    package: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = describe(
+        package,
+        """
+        *[GroupAction([PushRosNamespace(side), publisher(XACRO), manager(),
+                       spawner("arm_controller")]) for side in ("left", "right")],
+        """,
+    )
+    points = "{positions: [0.1], time_from_start: 0.5}"
+    goal = f"goal: {{joint_names: [swing], points: [{points}]}}"
+    motion = package / "both.yaml"
+    motion.write_text(
+        f"- {{at: 0.0, controller: left/arm_controller, {goal}}}\n"
+        f"- {{at: 0.1, controller: right/arm_controller, {goal}}}\n"
+    )
+    words = ["launch", str(path), "--headless", "--duration", "1", "--motion"]
+
+    code = main([*words, str(motion)])
+
+    assert code == 0
+    out = capsys.readouterr().out
+    for side in ("left", "right"):
+        assert f"{side}/arm_controller: SUCCEEDED" in out
+    assert main([*words, "swing"]) == 2
+    assert "no motion 'swing'" in capsys.readouterr().err
 
 
 @pytest.mark.slow

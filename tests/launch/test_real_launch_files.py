@@ -31,7 +31,7 @@ ARGUMENTS = {
     **dict.fromkeys(("robot_ip", "robot_ip_1", "robot_ip_2"), "192.168.1.1"),
     "dof": "6",
 }
-ASKS = re.compile(r"give it as (\w+):=VALUE|configuration '(\w+)' does not exist")
+ASKS = re.compile(r"give it as (\w+):=|configuration '(\w+)' does not exist")
 
 # What is in none of the folders: a module, packages of cameras; what another file sets.
 LACKING = {
