@@ -346,7 +346,20 @@ def test_a_plane_is_a_box_behind_it(tmp_path: Path) -> None:
     (geometry,) = scene_graph.model_inspector().GetAllGeometryIds()
     shape = scene_graph.model_inspector().GetShape(geometry)
     assert isinstance(shape, Box)
-    np.testing.assert_allclose(shape.size(), [4.0, 2.0, 1.0])
+    np.testing.assert_allclose(shape.size(), [100.0, 100.0, 1.0])
+
+
+def test_a_plane_that_collides_has_no_end(tmp_path: Path) -> None:
+    ground = """<collision name="c"><geometry>
+      <plane><size>1 1</size></plane></geometry></collision>"""
+
+    _, scene_graph = make_plant(write(tmp_path, model("ground", ground)))
+
+    (geometry,) = scene_graph.model_inspector().GetAllGeometryIds()
+    shape = scene_graph.model_inspector().GetShape(geometry)
+    assert isinstance(shape, Box)
+    # As far as the built-in ground.
+    np.testing.assert_allclose(shape.size(), [100.0, 100.0, 1.0])
 
 
 @pytest.mark.slow
