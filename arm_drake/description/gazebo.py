@@ -57,6 +57,9 @@ _MOVING = re.compile(
     r"|gazebo_ros_(tricycle_drive|force|hand_of_god)"
 )
 
+# Tags of a joint that keep Gazebo from merging the links that it holds together.
+KEEPING = ("preserveFixedJoint", "disableFixedJointLumping")
+
 # What publishes what IMUs measure, and whether as Gazebo's own plugin does.
 _IMU_PLUGINS = {"gazebo_ros_imu_sensor": True, "gazebo_ros_create_imu": False}
 
@@ -232,8 +235,8 @@ def report_gazebo(
         f"<{child.tag.rpartition('}')[2]}>"
         for gazebo in root.iterfind("gazebo")
         for child in gazebo
-        # Friction has an effect, and sensors have lines of their own.
-        if child.tag not in ("plugin", "mu1", "sensor")
+        # Friction and links that stay apart have an effect, sensors their own lines.
+        if child.tag not in ("plugin", "mu1", "sensor", *KEEPING)
     )
     for sort, counts in (("Gazebo plugins", plugins), ("<gazebo> tags", tags)):
         names = ", ".join(

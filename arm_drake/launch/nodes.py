@@ -71,7 +71,7 @@ NODES = (
         ("ros_gz_sim", "ros_ign_gazebo"),
         ("create",),
         "gz_spawn",
-        "the same; an SDF model goes into the world",
+        "the same; an SDF model without plugins that move it goes into the world",
         ends=True,
     ),
     NodeRole(

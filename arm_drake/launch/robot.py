@@ -22,7 +22,7 @@ from arm_drake.description.robot import Pose, Robot
 from arm_drake.description.xacro import expand_xacro
 from arm_drake.errors import InputError, PackageError, find_close, suggest
 from arm_drake.launch.frames import Placed
-from arm_drake.loading import load_robot
+from arm_drake.loading import as_urdf, load_robot
 from arm_drake.manager.loading import load_controllers_of
 from arm_drake.options import SimulationOptions
 
@@ -184,7 +184,7 @@ class LaunchedRobot:
     def read_carriers(self, package_paths: Sequence[Path]) -> dict[str, str | None]:
         """Return for each link the one that carries it, None for a root."""
         file, text = self._expand(package_paths)
-        root = parse_xml(text, file)
+        root = parse_xml(as_urdf(text, file, package_paths, LoadReport()), file)
         carriers = {link.get("name", ""): None for link in root.iterfind("link")}
         found: dict[str, str | None] = dict(carriers)
         for joint in root.iterfind("joint"):
@@ -499,7 +499,7 @@ class RobotParts:
                 descriptions.append(published)
         for each in self.spawns:
             if each.description and not _is_among(each.description, descriptions):
-                descriptions.append(each.description)
+                descriptions = self._add_spawn(each.description, descriptions)
         for manager in self.managers:
             own = manager.description
             if own is None or _is_among(own, descriptions, in_namespace=True):
@@ -540,6 +540,29 @@ class RobotParts:
                 for spawn in spawns
             ] or [robot]
         return self._add_spawned(robots, has_world=has_world)
+
+    def _add_spawn(
+        self, own: Description, descriptions: list[Description]
+    ) -> list[Description]:
+        """Add what a spawner has by itself; it stands for what is published there.
+
+        A description of its name space that nothing else puts into the simulator, or
+        controls, says only how RViz and TF see the robot, as of one in an SDF file.
+        """
+        topics = [spawn.topic for spawn in self.spawns if spawn.topic is not None]
+        topics += [each.topic for each in self.managers if each.description is None]
+        owned = [m.description for m in self.managers if m.description is not None]
+        seen = [
+            each
+            for each in descriptions
+            if each in self.descriptions
+            and each.namespace == own.namespace
+            and each.topic not in topics
+            and not _is_among(each, owned)
+        ]
+        if seen:
+            own = own._replace(frame_prefix=seen[0].frame_prefix)
+        return [each for each in descriptions if each not in seen] + [own]
 
     def _semantics_of(self, description: Description, count: int) -> Path | None:
         for namespace, path in self.semantics:

@@ -19,8 +19,9 @@ from arm_drake.description.elements import parse_float
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose
+from arm_drake.description.sdf import is_sdf, moves_by_itself
 from arm_drake.description.xacro import expand_xacro
-from arm_drake.errors import PackageError
+from arm_drake.errors import DescriptionError, PackageError
 from arm_drake.launch.actions import split_ros_arguments
 from arm_drake.launch.commanded import read_goal, read_publication, save_steps
 from arm_drake.launch.frames import StaticFrame, read_static_frame
@@ -143,6 +144,7 @@ class Roles:
         self._frames: list[StaticFrame] = []
         self._steps: list[dict[str, Any]] = []
         self._models: list[LaunchedModel] = []
+        self._num_texts = 0
         self._simulator: str | None = None
         self._not_started: list[NotStarted] = []
 
@@ -565,18 +567,19 @@ class Roles:
                     what, done = f"no such model: {path}", "it is left out"
                     self._add("error", "missing", what, done, record)
                     return
-                name = option("entity", "name")
-                pose = self._read_pose(option, record)
                 path = self._finder.real(path)
-                self._models.append(LaunchedModel(path, name, pose))
+                if not _is_robot(path):
+                    self._add_model(path, option, record)
+                    return
+            description = Description("", record["namespace"], path, {})
+        elif text is not None and is_sdf(text):
+            self._num_texts += 1
+            path = self._folder.path / f"model_{self._num_texts}.sdf"
+            path.write_text(text, encoding="utf-8")
+            if not _is_robot(path):
+                self._add_model(path, option, record)
                 return
             description = Description("", record["namespace"], path, {})
-        elif text is not None and "<sdf" in text[:2000]:
-            path = self._folder.path / f"model_{len(self._models)}.sdf"
-            path.write_text(text, encoding="utf-8")
-            name, pose = option("entity", "name"), self._read_pose(option, record)
-            self._models.append(LaunchedModel(path, name, pose))
-            return
         elif text is not None:
             description = self._describe(text, record)
         elif topic is None:
@@ -592,6 +595,13 @@ class Roles:
                 simulator=simulator,
             )
         )
+
+    def _add_model(
+        self, path: Path, option: Callable[..., str | None], record: Mapping[str, Any]
+    ) -> None:
+        """Take an SDF model that is a thing in the world."""
+        name, pose = option("entity", "name"), self._read_pose(option, record)
+        self._models.append(LaunchedModel(path, name, pose))
 
     def _read_pose(
         self, option: Callable[..., str | None], record: Mapping[str, Any]
@@ -706,6 +716,14 @@ def _is_file(path: Path) -> bool:
     try:
         return path.is_file()
     except (OSError, ValueError):  # Such as a name that is too long.
+        return False
+
+
+def _is_robot(path: Path) -> bool:
+    """Return whether an SDF model is a robot, not a thing in the world."""
+    try:
+        return moves_by_itself(_read_text(path), path)
+    except DescriptionError:  # The world's reader says what is wrong.
         return False
 
 

@@ -299,6 +299,58 @@ def test_actions_of_gazebo_are_its_launch_files(package: Path) -> None:
     assert plan.bridge_files == (package / "b.yaml",)
 
 
+CART = """
+<sdf version="1.8"><model name="cart"><link name="base"/>
+<link name="a"/><joint name="left" type="revolute"><parent>base</parent>
+  <child>a</child><axis><xyz>0 1 0</xyz></axis></joint>
+<link name="b"/><joint name="right" type="revolute"><parent>base</parent>
+  <child>b</child><axis><xyz>0 1 0</xyz></axis></joint>
+<plugin filename="gz-sim-diff-drive-system" name="gz::sim::systems::DiffDrive">
+  <left_joint>left</left_joint><right_joint>right</right_joint>
+  <topic>cmd_vel</topic></plugin></model></sdf>"""
+
+
+def test_an_sdf_model_with_plugins_that_move_it_is_the_robot(package: Path) -> None:
+    (package / "cart.sdf").write_text(CART)
+    path = describe(
+        package,
+        """
+        publisher(), ExecuteProcess(cmd=["gz", "sim", "-r", "empty.sdf"]),
+        Node(package="ros_gz_sim", executable="create", arguments=[
+            "-file", os.path.join(PACKAGE, "cart.sdf"), "-name", "my_cart"]),
+        """,
+    )
+    plan = ad.load_launch(path)
+
+    (robot,) = plan.load_scene().robots
+
+    # What robot_state_publisher has is how RViz sees it.
+    assert robot.name == "my_cart"
+    assert [c.name for c in robot.controllers.controllers] == ["DiffDrive"]
+    assert plan.models == ()
+
+
+def test_an_sdf_model_may_be_a_published_description(package: Path) -> None:
+    (package / "cart.sdf").write_text(
+        CART.replace("<sdf ", '<sdf xmlns:xacro="http://ros.org/wiki/xacro" ').replace(
+            '"cart"', "\"${2 * 'x'}\""
+        )
+    )
+    path = describe(
+        package,
+        """
+        publisher(["xacro ", os.path.join(PACKAGE, "cart.sdf")]),
+        ExecuteProcess(cmd=["gz", "sim", "-r", "empty.sdf"]),
+        Node(package="ros_gz_sim", executable="create",
+             arguments=["-topic", "robot_description"]),
+        """,
+    )
+
+    (robot,) = ad.load_launch(path).load_scene().robots
+
+    assert (robot.name, robot.has_free_base) == ("xx", True)
+
+
 @pytest.mark.slow
 def test_one_description_may_be_spawned_twice(package: Path) -> None:
     path = describe(
