@@ -741,6 +741,11 @@ class LaunchRun:
         values["arguments"] = arguments
         for key, more in from_words.items():
             values[key] = [*values.get(key, ()), *more]
+        full = join_names(values["namespace"], values["name"] or executable)
+        given = [p for p in values.get("parameters", ()) if isinstance(p, Mapping)]
+        self.context.started[f"/{full.lstrip('/')}"] = {
+            name: value for each in given for name, value in each.items()
+        }
         self.start(action, "node", package=package, executable=executable, **values)
 
     def start(self, action: ExecuteLocal, kind: str, **values: Any) -> None:
