@@ -16,6 +16,7 @@ from arm_drake.description.bridge import TopicAlias
 from arm_drake.description.controllers import ControllerConfig
 from arm_drake.description.elements import parse_xml
 from arm_drake.description.entry import TEXT, text_of
+from arm_drake.description.joints import WORLD
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport, ReportEntry
 from arm_drake.description.robot import Pose, Robot
@@ -178,6 +179,8 @@ class LaunchedRobot:
         robot = dc.replace(robot, topic_aliases=(*robot.topic_aliases, *aliases))
         if self.is_controlled:
             robot = _without_idle(robot, self.spawned)
+        if self.simulator is not None:
+            _report_held_base(robot)
         hold_files(robot, self.folder)
         return robot
 
@@ -347,6 +350,16 @@ def _without_idle(robot: Robot, spawned: Collection[str]) -> Robot:
     return dc.replace(
         robot, report=others, controllers=dc.replace(config, controllers=kept)
     )
+
+
+def _report_held_base(robot: Robot) -> None:
+    """Record a base that Gazebo would leave to itself, and that is held here."""
+    description = robot.description
+    is_held = any(joint.parent == WORLD for joint in description.joints)
+    if not robot.has_free_base and not is_held:
+        what = f"Gazebo holds {description.base!r} nowhere: there is no link 'world'"
+        done = "it is held where it starts; it neither falls nor walks"
+        robot.report.add("warning", "repair", what, done, file=description.file)
 
 
 class LaunchedModel(NamedTuple):

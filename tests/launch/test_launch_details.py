@@ -351,6 +351,29 @@ def test_an_sdf_model_may_be_a_published_description(package: Path) -> None:
     assert (robot.name, robot.has_free_base) == ("xx", True)
 
 
+@pytest.mark.parametrize("link", ["world", "trunk"])
+def test_a_base_that_gazebo_would_not_hold_is_told(package: Path, link: str) -> None:
+    urdf = package / "urdf" / "pendulum.urdf.xacro"
+    urdf.write_text(urdf.read_text().replace('"world"', f'"{link}"'))
+    path = describe(
+        package,
+        """
+        publisher(), ExecuteProcess(cmd=["gz", "sim", "-r", "empty.sdf"]),
+        Node(package="ros_gz_sim", executable="create",
+             arguments=["-topic", "robot_description"]),
+        """,
+    )
+
+    (robot,) = ad.load_launch(path).load_scene().robots
+
+    told = [
+        f"warning: {urdf}: Gazebo holds 'trunk' nowhere: there is no link 'world'; "
+        "it is held where it starts; it neither falls nor walks"
+    ]
+    found = [str(each) for each in robot.report if "Gazebo" in each.what]
+    assert found == (told if link == "trunk" else [])
+
+
 @pytest.mark.slow
 def test_one_description_may_be_spawned_twice(package: Path) -> None:
     path = describe(
