@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from arm_drake.controllers import ControllerType, check_controller_types
+from arm_drake.description.base_wheels import find_bases
 from arm_drake.description.bridge import find_bridge_files, load_bridges, split_bridges
 from arm_drake.description.claimed_hardware import hardware_from_controllers
 from arm_drake.description.control_files import default_controllers, find_control_files
@@ -425,6 +426,7 @@ def _has_free_base(
     if any(joint.parent == WORLD for joint in description.joints):
         return False
     is_driven = any(c.type in BASE_CONTROLLERS for c in config.controllers)
+    is_driven |= any(base.driven for base in find_bases(description, config))
     pushed = {
         name
         for plugin in description.joint_plugins
