@@ -237,6 +237,7 @@ def report_gazebo(
         for child in gazebo
         # Friction and links that stay apart have an effect, sensors their own lines.
         if child.tag not in ("plugin", "mu1", "sensor", *KEEPING)
+        and not _states_friction(child)
     )
     for sort, counts in (("Gazebo plugins", plugins), ("<gazebo> tags", tags)):
         names = ", ".join(
@@ -247,6 +248,13 @@ def report_gazebo(
             what = f"{sort} {names}"
             report.add("info", "ignored", what, "they have no effect", file=file)
     _report_friction(root, report, file)
+
+
+def _states_friction(child: ET.Element) -> bool:
+    """Return whether a tag below `<gazebo>` has a friction that is read."""
+    holder = ET.Element("gazebo")
+    holder.append(child)
+    return holder.find(_FRICTION) is not None
 
 
 def _report_friction(root: ET.Element, report: LoadReport, file: Path) -> None:
@@ -501,6 +509,9 @@ def _measure_problem(lengths: Mapping[str, Sequence[float]]) -> str | None:
     return None
 
 
+# Where it stands as SDF has it.
+_FRICTION = ".//surface/friction/ode/mu"
+
 # A link that states no friction, or more, has this coefficient.
 _USUAL_FRICTION = 1.0
 
@@ -513,7 +524,7 @@ def read_friction(root: ET.Element, links: Collection[str]) -> dict[str, float]:
     found = {}
     for gazebo in root.iterfind("gazebo"):
         link = attribute(gazebo, "reference")
-        for path in ("mu1", ".//surface/friction/ode/mu"):
+        for path in ("mu1", _FRICTION):
             for element in gazebo.iterfind(path):
                 mu = parse_number(text_of(element))
                 if mu is not None and mu >= 0.0 and link in links:
