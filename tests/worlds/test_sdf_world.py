@@ -514,6 +514,7 @@ def test_what_has_no_effect_is_reported_once(tmp_path: Path) -> None:
     path = write(
         tmp_path,
         """<plugin filename="gz-sim-physics-system" name="a"/>
+        <plugin filename="libignition-gazebo-imu-system.so" name="a"/>
         <plugin filename="libmystery.so" name="b"/>
         <plugin filename="libmystery.so" name="b"/>
         <physics type="ode"><max_step_size>0.002</max_step_size></physics>
@@ -536,6 +537,8 @@ def test_what_has_no_effect_is_reported_once(tmp_path: Path) -> None:
         "info : <wind>; there is none",
         "info : lights 'lamp', 'sun'; cameras see by them; the page has its own",
         "info : plugin 'gz-sim-physics-system'; what it does is there without it",
+        "info : plugin 'libignition-gazebo-imu-system.so'; what it does is there "
+        "without it",
         "warning : actor 'walker'; it isn't shown",
         "warning : plugin 'libmystery.so'; it has no effect",
         "warning model 'm', link 'link': <sensor> 's'; it has no effect",
