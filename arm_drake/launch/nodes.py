@@ -87,6 +87,12 @@ NODES = (
         "topics' names in ROS, by arguments or a `config_file`",
     ),
     NodeRole(
+        ("ros_gz_image", "ros_ign_image"),
+        (),
+        "image_bridge",
+        "topics' names in ROS of pictures",
+    ),
+    NodeRole(
         ("joint_state_publisher",),
         (),
         "",

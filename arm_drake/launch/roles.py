@@ -627,6 +627,11 @@ class Roles:
                 self._bridges.append(Bridge(word, _renamed(topic, record)))
         self._add_bridge_file(_merge(record).get("config_file", ""))
 
+    def _read_image_bridge(self, record: Mapping[str, Any]) -> None:
+        for topic in positional(record.get("arguments", ()), ()):
+            word = f"{topic}@sensor_msgs/msg/Image[gz.msgs.Image"
+            self._bridges.append(Bridge(word, _renamed(topic, record)))
+
     def _add_bridge_file(self, name: str) -> None:
         if name:
             self._bridge_files.append(self._finder.real(Path(name)))

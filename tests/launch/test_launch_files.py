@@ -999,6 +999,26 @@ def test_arguments_of_a_bridge_give_topics_their_names(package: Path) -> None:
     assert (alias.is_to_gz, alias.is_to_ros) == (True, False)
 
 
+def test_a_bridge_of_pictures_gives_them_their_names(package: Path) -> None:
+    file = describe(
+        package,
+        """
+        ExecuteProcess(cmd=["gz", "sim", "-r", "empty.sdf"]), publisher(),
+        Node(package="ros_gz_image", executable="image_bridge",
+             arguments=["/eye/image", "depth"], remappings=[("depth", "far")],
+             namespace="left"),
+        """,
+    )
+
+    plan = ad.load_launch(file)
+
+    assert [(str(b).partition("@")[0], b.ros_topic) for b in plan.bridges] == [
+        ("/eye/image", "/eye/image"),
+        ("depth", "/left/far"),
+    ]
+    assert plan.not_started == ()
+
+
 FRAMES = """
     publisher(), manager(),
     Node(package="tf2_ros", executable="static_transform_publisher", arguments=[
