@@ -374,6 +374,78 @@ def test_a_base_that_gazebo_would_not_hold_is_told(package: Path, link: str) -> 
     assert found == (told if link == "trunk" else [])
 
 
+ROBOTS = "one={x: 1.0, yaw: 0.5}; two = {y: 2.0};"
+
+
+@pytest.mark.parametrize(
+    ("poses", "arguments"),
+    [
+        ("ParseMultiRobotPose('robots').value()", {"robots": ROBOTS}),
+        (f"ParseMultiRobotPose({ROBOTS!r}).perform(None)", {}),
+    ],
+)
+def test_robots_and_their_poses_are_one_argument(
+    package: Path, poses: str, arguments: dict[str, str]
+) -> None:
+    before = "from nav2_common.launch import ParseMultiRobotPose\n"
+    path = describe(
+        package,
+        f"""
+        publisher(), *[Node(package="ros_gz_sim", executable="create", arguments=[
+            "-topic", "robot_description", "-name", name,
+            *[w for a, v in (("x", "x"), ("y", "y"), ("Y", "yaw"))
+              for w in ("-" + a, str(pose[v]))]])
+          for name, pose in {poses}.items()],
+        """,
+        before,
+    )
+
+    plan = ad.load_launch(path, arguments=arguments)
+
+    assert [(robot.name, robot.pose) for robot in plan.robots] == [
+        ("one", (1.0, 0.0, 0.0, 0.0, 0.0, 0.5)),
+        ("two", (0.0, 2.0, 0.0, 0.0, 0.0, 0.0)),
+    ]
+
+
+def test_conditions_of_navigation_are_told(package: Path) -> None:
+    before = "from nav2_common.launch import HasNodeParams, LaunchConfigAsBool\n"
+    path = describe(
+        package,
+        """
+        DeclareLaunchArgument("on", default_value="Yes"),
+        publisher(), manager(),
+        *[spawner(name, condition=IfCondition(decides)) for name, decides in (
+            ("arm_controller", HasNodeParams(YAML, "arm_controller")),
+            ("forward", HasNodeParams(YAML, "backward")),
+            ("joint_state_broadcaster", LaunchConfigAsBool("on")))],
+        """,
+        before,
+    )
+
+    (robot,) = ad.load_launch(path).robots
+
+    assert list(robot.spawned) == ["arm_controller", "joint_state_broadcaster"]
+
+
+def test_a_bridges_file_that_is_rewritten_is_told_by_its_name(package: Path) -> None:
+    (package / "b.yaml").write_text("[]")
+    before = "from nav2_common.launch import ReplaceString\n"
+    path = describe(
+        package,
+        """
+        publisher(), Node(package="ros_gz_bridge", executable="parameter_bridge",
+            parameters=[{"config_file": ReplaceString(
+                os.path.join(PACKAGE, "b.yaml"), {"a": "b"})}]),
+        """,
+        before,
+    )
+
+    plan = ad.load_launch(path)
+
+    assert f"bridge: {package / 'b.yaml'}" in str(plan).splitlines()
+
+
 @pytest.mark.slow
 def test_one_description_may_be_spawned_twice(package: Path) -> None:
     path = describe(
