@@ -11,7 +11,12 @@ from typing import Any, NamedTuple
 
 from arm_drake.controllers import ControllerType, check_controller_types
 from arm_drake.description.base_wheels import find_bases
-from arm_drake.description.bridge import find_bridge_files, load_bridges, split_bridges
+from arm_drake.description.bridge import (
+    find_bridge_files,
+    load_bridges,
+    remapped_topics,
+    split_bridges,
+)
 from arm_drake.description.claimed_hardware import hardware_from_controllers
 from arm_drake.description.control_files import default_controllers, find_control_files
 from arm_drake.description.controllers import ControllerManagerConfig
@@ -390,7 +395,10 @@ def _make_robot(
         distro=loading.distro,
         bundled=loading.bundled,
         sensors=find_sensors(description, config, report),
-        topic_aliases=load_bridges(bridges, report),
+        topic_aliases=(
+            *load_bridges(bridges, report),
+            *remapped_topics(description),
+        ),
         controller_types=loading.types,
         load_options=arguments,
         srdf_files=_check_srdf(arguments["srdf"]),
