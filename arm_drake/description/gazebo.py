@@ -331,7 +331,9 @@ class _FieldReader(ElementReader):
                 if entries:
                     names = self._joints(names, joint_names)
                 values[field.name] = tuple(n for n in names if n in joint_names)
-        unread = sorted({name for name, _ in plugin.fields} - known)
+        # An empty one that may hold others, such as <ros/>, says nothing.
+        holders = {name.rpartition("/")[0] for name in known}
+        unread = sorted({name for name, _ in plugin.fields} - known - holders)
         if unread:
             names = ", ".join(name + _hint(name, known) for name in unread)
             what = f"unknown tags: {names}"

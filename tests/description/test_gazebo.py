@@ -220,3 +220,13 @@ def test_friction_as_sdf_has_it_is_no_tag_without_effect() -> None:
 
     assert read_friction(ET.XML(f"<robot>{body}</robot>"), ["a"]) == {"a": 0.3}
     assert found == ["info: arm.urdf: <gazebo> tags <kp>; they have no effect"]
+
+
+def test_an_empty_tag_that_could_hold_others_is_no_unknown_one() -> None:
+    fields = (("ros", ""), ("left_joint", "a"), ("right_joint", "b"), ("rose", "1"))
+    plugin = GazeboPlugin("d", "libgazebo_ros_diff_drive.so", fields)
+    report = LoadReport()
+
+    read_joint_plugins([plugin], ["a", "b"], report, Path("arm.urdf"))
+
+    assert [entry.what for entry in report] == ["unknown tags: rose"]
