@@ -17,7 +17,7 @@ import dataclasses as dc
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -152,6 +152,7 @@ class _Model:
         if any(text_of(joint, "parent") == WORLD for joint in joints):
             ET.SubElement(robot, "link", name=WORLD)
         carriers = {text_of(joint, "child"): joint for joint in joints}
+        self._report_root(carriers)
         for link in self.model.findall("link"):
             self._write_link(robot, link, carriers.get(attribute(link, "name")))
         for joint in joints:
@@ -166,6 +167,21 @@ class _Model:
         name = attribute(element, "name")
         where = f"{element.tag} {name!r}" if name else ""
         self.report.add(severity, kind, what, done, where=where, file=self.file)
+
+    def _report_root(self, carriers: Mapping[str, ET.Element]) -> None:
+        """Record a base that isn't where the model is: poses are those of the base."""
+        links = [
+            link
+            for link in self.model.findall("link")
+            if attribute(link, "name") not in carriers
+        ]
+        for link in links[:1]:
+            origin = _origin(self._frame(attribute(link, "name")))
+            if any((*origin.xyz, *origin.rpy)):
+                what = f"the base is at {_words((*origin.xyz, *origin.rpy))} in the "
+                what += "model"
+                done = "a pose of the robot is that of the base, not of the model"
+                self._note("info", "repair", what, done, link)
 
     # Frames.
 

@@ -221,3 +221,14 @@ def test_what_urdf_has_no_words_for_is_reported(tmp_path: Path) -> None:
     assert "collision 'hill': geometry <heightmap>" in " ".join(found)
     assert "joint 'j': a joint of type 'screw'; the joint is fixed" in found
     assert "<gazebo> tags <gravity>; they have no effect" in found
+
+
+def test_a_base_beside_the_model_is_told(tmp_path: Path) -> None:
+    model = '<model name="m"><link name="a"><pose>0 0 0.2 0 0 0</pose></link></model>'
+
+    (told,) = [e for e in load(tmp_path, model).report if "model" in e.what]
+
+    assert str(told) == (
+        f"info: {tmp_path}/model.sdf: link 'a': the base is at 0 0 0.2 0 0 0 in the "
+        "model; a pose of the robot is that of the base, not of the model"
+    )
