@@ -10,7 +10,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from arm_drake.controllers import ControllerType, check_controller_types
-from arm_drake.description.bridge import find_bridge_files, load_bridges, split_bridges
+from arm_drake.description.base_wheels import find_bases
+from arm_drake.description.bridge import (
+    find_bridge_files,
+    load_bridges,
+    remapped_topics,
+    split_bridges,
+)
 from arm_drake.description.claimed_hardware import hardware_from_controllers
 from arm_drake.description.control_files import default_controllers, find_control_files
 from arm_drake.description.controllers import ControllerManagerConfig
@@ -28,6 +34,7 @@ from arm_drake.description.parameters import DISTROS
 from arm_drake.description.plugin_control import add_plugins, plugin_joints
 from arm_drake.description.report import LoadReport, Places
 from arm_drake.description.robot import Pose, Robot
+from arm_drake.description.sdf import convert_sdf, is_sdf
 from arm_drake.description.sensors import add_gazebo_sensors, find_sensors
 from arm_drake.description.source_files import find_source_files
 from arm_drake.description.urdf import (
@@ -97,8 +104,8 @@ def load_robot(
 
     Args:
         source: Name of a bundled robot, `example:NAME` (needs the extra `robots`), a
-            `.urdf` or `.xacro` file, a package folder, or a URDF's text, whose relative
-            file names start in the first of ``package_paths``, else where we are.
+            `.urdf`, `.xacro` or `.sdf` file, a package folder, or a URDF's text, whose
+            relative file names start in the first of ``package_paths``, or here.
         controllers: Controllers YAML files. By default the one that the description
             names in its Gazebo plugin tag, else the one in the package's config folder
             if there is exactly one. A robot with neither YAML nor control tags gets a
@@ -270,6 +277,7 @@ def _read_description(
         )
     else:
         check_text(text, xacro_args, entry)
+    text = as_urdf(text, entry, loading.folders, report)
     if arguments["frames"]:
         text = add_frames(text, arguments["frames"], entry)
     try:
@@ -288,6 +296,21 @@ def _read_description(
         raise DescriptionError(
             error.problem, file=found[0], line=found[1], where=error.where
         ) from None
+
+
+def as_urdf(text: str, file: Path, folders: Sequence[Path], report: LoadReport) -> str:
+    """Return the text of a description as URDF, also that of an SDF model.
+
+    `folders` are searched first for the models whose meshes it has.
+
+    Raises:
+        DescriptionError: If it is SDF that describes no robot.
+    """
+    if not is_sdf(text):
+        return text
+    from arm_drake.worlds.sdf_files import ModelFinder  # Few robots are SDF.
+
+    return convert_sdf(text, file, report, ModelFinder(file, folders).find_file)
 
 
 def _read_controllers(
@@ -372,7 +395,10 @@ def _make_robot(
         distro=loading.distro,
         bundled=loading.bundled,
         sensors=find_sensors(description, config, report),
-        topic_aliases=load_bridges(bridges, report),
+        topic_aliases=(
+            *load_bridges(bridges, report),
+            *remapped_topics(description),
+        ),
         controller_types=loading.types,
         load_options=arguments,
         srdf_files=_check_srdf(arguments["srdf"]),
@@ -408,6 +434,7 @@ def _has_free_base(
     if any(joint.parent == WORLD for joint in description.joints):
         return False
     is_driven = any(c.type in BASE_CONTROLLERS for c in config.controllers)
+    is_driven |= any(base.driven for base in find_bases(description, config))
     pushed = {
         name
         for plugin in description.joint_plugins

@@ -343,7 +343,7 @@ def test_another_file_is_no_description(tmp_path):
     path = write(tmp_path / "arm.yaml", "")
 
     assert problem(path) == (
-        f"{path}: expected a .urdf, .xacro, .xml file, or a package folder"
+        f"{path}: expected a .urdf, .xacro, .xml, .sdf file, or a package folder"
     )
 
 

@@ -657,8 +657,8 @@ def add_robot_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "robot",
         metavar="ROBOT",
-        help="a bundled robot, a .urdf or .xacro file, a folder; for sim and view a "
-        "scene, too: a .yaml file",
+        help="a bundled robot, a .urdf, .xacro or .sdf file, a folder; for sim and "
+        "view a scene, too: a .yaml file",
     )
     add(
         "xacro_args",

@@ -246,7 +246,7 @@ def to_json(plan: LaunchPlan) -> dict[str, Any]:
         "models": [str(model.file) for model in plan.models],
         "paused": plan.is_paused,
         "rviz": None if plan.rviz is None else str(plan.rviz),
-        "bridges": [*map(str, plan.bridges), *map(str, plan.bridge_files)],
+        "bridges": [*map(str, plan.bridges), *plan.named_bridge_files],
         "static_frames": [list(frame) for frame in plan.static_frames],
         "not_started": [each.name for each in plan.not_started],
         "report": plan.report.to_json(),

@@ -14,7 +14,7 @@ states and frames, stays as it is.
 
 import dataclasses as dc
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -23,6 +23,7 @@ from arm_drake.arrays import Array
 from arm_drake.description.claimed_hardware import (
     STEERING,
     WHEEL_PARAMETERS,
+    claims_by,
     humble_wheel_parameters,
     texts_of,
 )
@@ -51,6 +52,7 @@ from arm_drake.description.links import (
 from arm_drake.description.report import LoadReport
 from arm_drake.description.urdf import RobotDescription, total_mass
 from arm_drake.importing import dataclass
+from arm_drake.interfaces import EFFORT, VELOCITY
 
 
 @dataclass(frozen=True)
@@ -116,23 +118,72 @@ def find_bases(
             for tag in controller.plugins
             if isinstance(tag, BaseHolder)
         ]
-        if controller.type not in WHEEL_PARAMETERS:
-            continue
-        parameters = WHEEL_PARAMETERS[controller.type]
-        if parameters is STEERING:
-            older = humble_wheel_parameters(controller)
-            parameters = tuple((*a, b) for a, b in zip(STEERING, older, strict=True))
-        driven, steered = (
-            tuple(n for n in dict.fromkeys(texts_of(controller, *names)) if n in joints)
-            for names in parameters
-        )
-        frame = controller.parameters.get("base_frame_id")
-        link = "base_link" if frame is None else str(frame.value)
-        if link not in description.links:
-            link = description.base
-        slants, radius = _rollers_by_parameters(controller, len(driven))
-        bases.append(MobileBase(controller.name, driven, steered, link, slants, radius))
+        bases += _bases_by_parameters(description, controller, joints)
     return tuple(bases)
+
+
+def _bases_by_parameters(
+    description: RobotDescription, controller: ControllerConfig, joints: set[str]
+) -> Iterator[MobileBase]:
+    """Yield the base that the parameters of a controller say that it drives, if any."""
+    if controller.type not in WHEEL_PARAMETERS:
+        if wheels := _claimed_wheels(description, controller):
+            yield MobileBase(controller.name, wheels, (), description.base)
+        return
+    parameters = WHEEL_PARAMETERS[controller.type]
+    if parameters is STEERING:
+        older = humble_wheel_parameters(controller)
+        parameters = tuple((*a, b) for a, b in zip(STEERING, older, strict=True))
+    driven, steered = (
+        tuple(n for n in dict.fromkeys(texts_of(controller, *names)) if n in joints)
+        for names in parameters
+    )
+    frame = controller.parameters.get("base_frame_id")
+    link = "base_link" if frame is None else str(frame.value)
+    if link not in description.links:
+        link = description.base
+    slants, radius = _rollers_by_parameters(controller, len(driven))
+    yield MobileBase(controller.name, driven, steered, link, slants, radius)
+
+
+# The part of a wheel's axis that may point up: a cosine.
+_LEVEL = 0.1
+
+
+def _claimed_wheels(
+    description: RobotDescription, controller: ControllerConfig
+) -> tuple[str, ...]:
+    """Return the wheels that a controller of joints turns, at least two, or none.
+
+    A wheel is the last link behind a joint without limits, on the base or on what is
+    steered, whose axis is level. An arm has no two of these: its joints follow one
+    another.
+    """
+    joints = {joint.name: joint for joint in description.movable_joints}
+    parents = {joint.parent for joint in joints.values()}
+    wheels = tuple(
+        dict.fromkeys(
+            name
+            for name, interface in claims_by(controller)
+            if interface in (VELOCITY, EFFORT)
+            and name in joints
+            and _is_wheel(description, joints[name], parents)
+        )
+    )
+    return wheels if len(wheels) > 1 else ()
+
+
+def _is_wheel(
+    description: RobotDescription, joint: JointInfo, parents: Collection[str]
+) -> bool:
+    """Return whether a joint turns a wheel; `parents` are links that carry joints."""
+    above = joints_above(description.joints, joint.parent)
+    if joint.type != "continuous" or any(each.type == "continuous" for each in above):
+        return False
+    if not set(parents).isdisjoint(rigid_links(description, joint.child)):
+        return False
+    R = link_orientation(description, joint.parent) @ joint.origin.rotation
+    return abs(float((R @ joint.unit_axis)[2])) < _LEVEL
 
 
 def _rollers_by_parameters(

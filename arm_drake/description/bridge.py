@@ -15,6 +15,7 @@ import yaml
 from arm_drake import yaml_files
 from arm_drake.description.control_files import files_in_config
 from arm_drake.description.entry import Source, configs_folder, text_of
+from arm_drake.description.gazebo_plugins import Ros2ControlPlugin
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.description.urdf import RobotDescription
@@ -96,6 +97,29 @@ class TopicAlias:
     def is_to_ros(self) -> bool:
         """Whether what Gazebo publishes can be read in ROS."""
         return self.direction != "ROS_TO_GZ"
+
+
+def remapped_topics(description: RobotDescription) -> tuple[TopicAlias, ...]:
+    """Return what ros2_control's plugin in Gazebo calls topics of controllers.
+
+    Its `<ros>` has remappings such as `base/cmd_vel:=cmd_vel`, with names in the name
+    space of the controller manager, or full ones.
+    """
+    aliases = []
+    for plugin in description.joint_plugins:
+        if not isinstance(plugin, Ros2ControlPlugin):
+            continue
+        space = plugin.namespace.strip("/")
+        for rule in plugin.remappings:
+            source, _, target = (part.strip() for part in rule.partition(":="))
+            old, new = source.strip("/"), target.strip("/")
+            if space:
+                old, new = (n.removeprefix(f"{space}/") for n in (old, new))
+            if old and new and old != new and not source.startswith("~"):
+                names = f"/{new}", f"/{old}"
+                alias = TopicAlias(*names, "BIDIRECTIONAL", description.file, 1)
+                aliases.append(alias)
+    return tuple(aliases)
 
 
 def split_bridges(

@@ -115,7 +115,7 @@ def _claims_of(
     """Return the command interfaces of joints, as claimed or else by default."""
     claims: dict[str, list[str]] = {joint.name: [] for joint in joints}
     for controller in config.controllers:
-        for name, interface in _claims(controller):
+        for name, interface in claims_by(controller):
             if name in claims and interface not in claims[name]:
                 claims[name].append(interface)
     for joint in joints:
@@ -130,12 +130,12 @@ def claimed_joints(config: ControllerManagerConfig) -> dict[str, str]:
     """Return the joints that controllers name to command them, each with the first."""
     claimed: dict[str, str] = {}
     for controller in config.controllers:
-        for name, _ in _claims(controller):
+        for name, _ in claims_by(controller):
             claimed.setdefault(name, controller.name)
     return claimed
 
 
-def _claims(controller: ControllerConfig) -> Iterator[tuple[str, str]]:
+def claims_by(controller: ControllerConfig) -> Iterator[tuple[str, str]]:
     """Yield the joints of a controller with an interface that it claims."""
     package, _, name = controller.type.partition("/")
     if name.endswith("Broadcaster"):

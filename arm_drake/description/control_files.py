@@ -18,6 +18,7 @@ from arm_drake.description.plugin_control import (
     moving_plugins,
     plugin_joints,
     rolling_joints,
+    suspending_joints,
 )
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros_parameters import PARAMETERS
@@ -229,6 +230,10 @@ def default_controllers(
             f"no controller of {', '.join(rolling)} beside a plugin that moves a base"
         )
         done = "taken as wheels, which roll freely; a controllers YAML may hold them"
+        report.add("info", "missing", what, done, file=file)
+    if sprung := suspending_joints(description):
+        what = f"no controller of {', '.join(sprung)}, which carry driven wheels"
+        done = "taken as a suspension, which moves as its wheels push it"
         report.add("info", "missing", what, done, file=file)
     if not joints:
         return ControllerManagerConfig()

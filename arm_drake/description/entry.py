@@ -103,7 +103,7 @@ def _examples_folder() -> Path | None:
     return None
 
 
-_SUFFIXES = (".urdf", ".xacro", ".xml")
+_SUFFIXES = (".urdf", ".xacro", ".xml", ".sdf")
 
 _LAUNCH_FILE = re.compile(r"[._]launch\.(py|xml|ya?ml)$|\.launch$")
 

@@ -58,6 +58,9 @@ _MOVING = re.compile(
     r"|gazebo_ros_(tricycle_drive|force|hand_of_god)"
 )
 
+# Tags of a joint that keep Gazebo from merging the links that it holds together.
+KEEPING = ("preserveFixedJoint", "disableFixedJointLumping")
+
 # What publishes what IMUs measure, and whether as Gazebo's own plugin does.
 _IMU_PLUGINS = {"gazebo_ros_imu_sensor": True, "gazebo_ros_create_imu": False}
 
@@ -233,8 +236,9 @@ def report_gazebo(
         f"<{child.tag.rpartition('}')[2]}>"
         for gazebo in root.iterfind("gazebo")
         for child in gazebo
-        # Friction has an effect, and sensors have lines of their own.
-        if child.tag not in ("plugin", "mu1", "sensor")
+        # Friction and links that stay apart have an effect, sensors their own lines.
+        if child.tag not in ("plugin", "mu1", "sensor", *KEEPING)
+        and not _states_friction(child)
     )
     for sort, counts in (("Gazebo plugins", plugins), ("<gazebo> tags", tags)):
         names = ", ".join(
@@ -245,6 +249,13 @@ def report_gazebo(
             what = f"{sort} {names}"
             report.add("info", "ignored", what, "they have no effect", file=file)
     _report_friction(root, report, file)
+
+
+def _states_friction(child: ET.Element) -> bool:
+    """Return whether a tag below `<gazebo>` has a friction that is read."""
+    holder = ET.Element("gazebo")
+    holder.append(child)
+    return holder.find(_FRICTION) is not None
 
 
 def _report_friction(root: ET.Element, report: LoadReport, file: Path) -> None:
@@ -321,7 +332,9 @@ class _FieldReader(ElementReader):
                 if entries:
                     names = self._joints(names, joint_names)
                 values[field.name] = tuple(n for n in names if n in joint_names)
-        unread = sorted({name for name, _ in plugin.fields} - known)
+        # An empty one that may hold others, such as <ros/>, says nothing.
+        holders = {name.rpartition("/")[0] for name in known}
+        unread = sorted({name for name, _ in plugin.fields} - known - holders)
         if unread:
             names = ", ".join(name + _hint(name, known) for name in unread)
             what = f"unknown tags: {names}"
@@ -499,6 +512,9 @@ def _measure_problem(lengths: Mapping[str, Sequence[float]]) -> str | None:
     return None
 
 
+# Where it stands as SDF has it.
+_FRICTION = ".//surface/friction/ode/mu"
+
 # A link that states no friction, or more, has this coefficient.
 _USUAL_FRICTION = 1.0
 
@@ -511,7 +527,7 @@ def read_friction(root: ET.Element, links: Collection[str]) -> dict[str, float]:
     found = {}
     for gazebo in root.iterfind("gazebo"):
         link = attribute(gazebo, "reference")
-        for path in ("mu1", ".//surface/friction/ode/mu"):
+        for path in ("mu1", _FRICTION):
             for element in gazebo.iterfind(path):
                 mu = parse_number(text_of(element))
                 if mu is not None and mu >= 0.0 and link in links:

@@ -19,7 +19,7 @@ from arm_drake.description.elements import (
     parse_number,
     text_of,
 )
-from arm_drake.description.gazebo import GazeboPlugin, read_plugins
+from arm_drake.description.gazebo import KEEPING, GazeboPlugin, read_plugins
 from arm_drake.description.gazebo_plugins import ImuSensorTag, Noise
 from arm_drake.description.joints import WORLD, JointInfo
 from arm_drake.description.report import LoadReport
@@ -362,10 +362,6 @@ class _ImuReader(SensorReader):
         return None
 
 
-# Tags of a joint that keep Gazebo from merging the links that it holds together.
-_KEEPING: Final = ("preserveFixedJoint", "disableFixedJointLumping")
-
-
 def merged_link(root: ET.Element, reference: str, joints: Sequence[JointInfo]) -> str:
     """Return the link in Gazebo of what a `<gazebo>` tag refers to.
 
@@ -377,7 +373,7 @@ def merged_link(root: ET.Element, reference: str, joints: Sequence[JointInfo]) -
     kept = {
         attribute(gazebo, "reference")
         for gazebo in root.iterfind("gazebo")
-        for tag in _KEEPING
+        for tag in KEEPING
         if text_of(gazebo, tag).lower() in ("true", "yes", "1")
     }
     parents = {

@@ -93,11 +93,34 @@ def moving_plugins(description: RobotDescription) -> tuple[JointPlugin, ...]:
 def plugin_joints(description: RobotDescription) -> frozenset[str]:
     """Return the joints that plugins move, and those that these follow.
 
-    Beside a plugin that moves a base, wheels that roll freely are among them; a
-    controller that held these would be a brake.
+    Beside a plugin that moves a base, wheels that roll freely are among them, and what
+    suspends its wheels; a controller that held these would be a brake, or stiff.
     """
     moved = _commanded_joints(description)
-    return moved.union(_rolling_joints(description, moved))
+    sprung = suspending_joints(description)
+    return moved.union(_rolling_joints(description, moved), sprung)
+
+
+def suspending_joints(description: RobotDescription) -> tuple[str, ...]:
+    """Return the joints that carry wheels which plugins drive, and that none commands.
+
+    Such as the rockers of a rover.
+    """
+    commanded = _commanded_joints(description)
+    movable = {joint.name: joint for joint in description.movable_joints}
+    driven = {
+        name
+        for plugin in description.joint_plugins
+        if isinstance(plugin, Driving)
+        for name in _joints_of(plugin, movable)
+    }
+    carriers = {
+        carrier.name
+        for name in driven & movable.keys()
+        for carrier in joints_above(description.joints, movable[name].parent)
+    }
+    carriers -= commanded
+    return tuple(name for name in movable if name in carriers)
 
 
 def rolling_joints(description: RobotDescription) -> tuple[str, ...]:

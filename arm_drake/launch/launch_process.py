@@ -367,11 +367,7 @@ def _describe_modules() -> Mapping[str, Mapping[str, Any]]:
         f"{controllers}_from_dict": _spawner_from_dict,
         "generate_load_controller_launch_description": _load_controller,
     }
-    nav2 = {
-        "RewrittenYaml": parameters.RewrittenYaml,
-        "ReplaceString": parameters.ReplaceString,
-        "HasNodeParams": type("HasNodeParams", (substitutions.Substitution,), {}),
-    }
+    nav2 = {each.__name__: each for each in parameters.OF_NAV2}
     gazebo = {name: functools.partial(_include, *of) for name, of in _GAZEBO.items()}
     builder = {
         "ParameterBuilder": ParameterBuilder,
@@ -636,7 +632,9 @@ def main() -> None:
     _set_limits(request)
     tempfile.tempdir = request["folder"]
     sys.dont_write_bytecode = True
-    sys.argv = ["ros2", "launch", request["file"]]
+    words = (f"{name}:={value}" for name, value in request["arguments"].items())
+    # A package and its file, or as here a path and nothing: arguments begin at 4.
+    sys.argv = ["ros2", "launch", request["file"], "", *words]
     for name, value in _OF_ROS.items():
         os.environ.setdefault(name, value)
     # As the module site has it, which isn't loaded.

@@ -1,7 +1,9 @@
-"""The nodes of launch files that have a meaning here, and what each becomes."""
+"""The nodes of launch files that have a meaning here, and what others would do."""
 
 import os
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 # Programs that end by themselves, after which others may start, and those that don't;
@@ -71,7 +73,7 @@ NODES = (
         ("ros_gz_sim", "ros_ign_gazebo"),
         ("create",),
         "gz_spawn",
-        "the same; an SDF model goes into the world",
+        "the same; an SDF model without plugins that move it goes into the world",
         ends=True,
     ),
     NodeRole(
@@ -85,6 +87,12 @@ NODES = (
         (),
         "bridge",
         "topics' names in ROS, by arguments or a `config_file`",
+    ),
+    NodeRole(
+        ("ros_gz_image", "ros_ign_image"),
+        (),
+        "image_bridge",
+        "topics' names in ROS of pictures",
     ),
     NodeRole(
         ("joint_state_publisher",),
@@ -154,3 +162,63 @@ def ends(
         return role.ends
     program = os.path.basename(command[0]) if command else ""
     return False if program in _LASTING_PROGRAMS else None
+
+
+# How rclpy and rclcpp say it: what is done, the type, the name.
+_CALLS = (
+    r"create_(subscription|publisher|service|client)"
+    r"\(\s*([\w.]+)\s*,\s*f?['\"]([^'\"]+)['\"]",
+    r"(Action(?:Client|Server))\(\s*\w+\s*,\s*([\w.]+)\s*,\s*['\"]([^'\"]+)['\"]",
+    r"create_(subscription|publisher|service|client)"
+    r"<\s*([\w:]+)\s*>\s*\(\s*\"([^\"]+)\"",
+    r"(create_(?:client|server))<\s*([\w:]+)\s*>\s*\(\s*[\w>()-]+\s*,\s*\"([^\"]+)\"",
+)
+_DOES = {
+    "subscription": "subscribe to",
+    "publisher": "publish",
+    "service": "offer",
+    "client": "call",
+    "ActionClient": "send goals to",
+    "ActionServer": "take goals of",
+    "create_client": "send goals to",
+    "create_server": "take goals of",
+}
+
+# Larger ones are none of somebody's own hand [bytes].
+_LARGEST = 500_000
+
+
+def find_what_it_does(
+    folder: Path, executable: str, remappings: Iterable[tuple[str, str]]
+) -> str:
+    """Return what a user's own node would do, as far as its package's source says."""
+    renamed = {source.lstrip("~/"): new for source, new in remappings}
+    found: dict[str, list[str]] = {}
+    for path in _sources(folder, executable):
+        text = path.read_text(encoding="utf-8", errors="replace")
+        for pattern in _CALLS:
+            for what, kind, topic in re.findall(pattern, text):
+                topic = renamed.get(topic.lstrip("~/"), topic)
+                line = f"{topic} ({re.split('[.:]', kind)[-1]})"
+                lines = found.setdefault(_DOES[what], [])
+                if line not in lines:
+                    lines.append(line)
+    return ", ".join(f"{does} {', '.join(lines)}" for does, lines in found.items())
+
+
+def _sources(folder: Path, executable: str) -> Iterator[Path]:
+    """Yield the files that a node of a package is made of, as far as it is told."""
+    stem = executable.removesuffix(".py")
+    names = {executable, f"{stem}.py", f"{stem}.cpp", f"{stem}.cc"}
+    for setup in (folder / "setup.py", folder / "setup.cfg", folder / "CMakeLists.txt"):
+        if not setup.is_file():
+            continue
+        text = setup.read_text(encoding="utf-8", errors="replace")
+        for module in re.findall(rf"\b{re.escape(stem)}\s*=\s*([\w.]+):\w+", text):
+            names.add(f"{module.rpartition('.')[2]}.py")
+        call = rf"add_executable\(\s*{re.escape(stem)}\s+([^)]*)\)"
+        for files in re.findall(call, text):
+            names |= {Path(file).name for file in files.split()}
+    for path in sorted(folder.rglob("*")):
+        if path.name in names and path.is_file() and path.stat().st_size < _LARGEST:
+            yield path

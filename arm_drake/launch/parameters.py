@@ -4,6 +4,7 @@ They have the names of `launch_ros.parameter_descriptions` and `nav2_common.laun
 """
 
 import datetime
+import sys
 import tempfile
 import types
 from collections.abc import Mapping
@@ -121,6 +122,74 @@ class ReplaceString(Substitution):
         for old, new in self.replacements.items():
             text = text.replace(old, perform(context, new))
         return save_parameters(context, text, path, has_its_lines=True)
+
+
+class HasNodeParams(Substitution):
+    """Whether a file has parameters of a node, of `nav2_common.launch`."""
+
+    def __init__(self, source_file: Any, node_name: str) -> None:
+        super().__init__(source_file)
+        self.node_name = node_name
+
+    def perform(self, context: LaunchContext) -> str:
+        data = read_parameter_file(perform(context, self.args[0]))
+        return str(isinstance(data, Mapping) and self.node_name in data)
+
+
+class LaunchConfigAsBool(Substitution):
+    """A configuration as "True" or "False", of `nav2_common.launch`."""
+
+    def perform(self, context: LaunchContext) -> str:
+        name = perform(context, self.args[0])
+        text = context.launch_configurations.get(name, "")
+        return str(text.strip().lower() in ("true", "1", "yes", "on", "t", "y"))
+
+
+class ParseMultiRobotPose(Substitution):
+    """Robots and their poses by name, of `nav2_common.launch`.
+
+    In an argument such as `one={x: 1.0, yaw: 3.1}; two={y: 2.0}`. In Jazzy it is the
+    name of one on the command line, later what a configuration holds.
+    """
+
+    def value(self) -> dict[str, dict[str, float]]:
+        """Return the poses of an argument on the command line."""
+        start = f"{self.args[0]}:="
+        return _poses_of(
+            next((w.removeprefix(start) for w in sys.argv if w.startswith(start)), "")
+        )
+
+    def perform(self, context: LaunchContext) -> Any:
+        return _poses_of(perform(context, self.args[0]))
+
+
+_AXES = ("x", "y", "z", "roll", "pitch", "yaw")
+
+
+def _poses_of(text: str) -> dict[str, dict[str, float]]:
+    """Return poses by robot; an axis that isn't said is 0."""
+    poses = {}
+    for part in filter(str.strip, text.split(";")):
+        name, _, pose = part.partition("=")
+        try:
+            data = yaml.safe_load(pose)
+        except yaml.YAMLError:
+            data = None
+        if not isinstance(data, Mapping):
+            problem = "expected NAME={x: 0.0, y: 0.0, yaw: 0.0}; ..."
+            raise SubstitutionFailure(f"robots {text!r}: {problem}")
+        poses[name.strip()] = {**dict.fromkeys(_AXES, 0.0), **data}
+    return poses
+
+
+# What `nav2_common.launch` has.
+OF_NAV2 = (
+    HasNodeParams,
+    LaunchConfigAsBool,
+    ParseMultiRobotPose,
+    ReplaceString,
+    RewrittenYaml,
+)
 
 
 class ParameterValue:

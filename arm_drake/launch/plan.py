@@ -99,6 +99,12 @@ class LaunchPlan:
     package_paths: tuple[Path, ...] = ()
 
     @property
+    def named_bridge_files(self) -> tuple[str, ...]:
+        """The files of bridges; of one that was rewritten the one that it was."""
+        names = map(str, self.bridge_files)
+        return tuple(self.folder.rewritten.get(name, (name,))[0] for name in names)
+
+    @property
     def is_simulated(self) -> bool:
         """Whether controllers run, not only a view of the robot."""
         return self.world is not None or any(r.is_controlled for r in self.robots)
@@ -251,7 +257,7 @@ class LaunchPlan:
             yield f"world: {self.world}{state}"
         if self.rviz is not None:
             yield f"rviz: {self.rviz or 'its own configuration'}"
-        for bridge in (*self.bridges, *self.bridge_files):
+        for bridge in (*self.bridges, *self.named_bridge_files):
             yield f"bridge: {bridge}"
         for parent, child, pose in self.static_frames:
             yield f"static frame: {child} in {parent} at {list(pose)}"

@@ -16,6 +16,7 @@ from arm_drake.description.bridge import TopicAlias
 from arm_drake.description.controllers import ControllerConfig
 from arm_drake.description.elements import parse_xml
 from arm_drake.description.entry import TEXT, text_of
+from arm_drake.description.joints import WORLD
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport, ReportEntry
 from arm_drake.description.robot import Pose, Robot
@@ -23,7 +24,7 @@ from arm_drake.description.xacro import SAID, expand_xacro
 from arm_drake.errors import InputError, PackageError, find_close, suggest
 from arm_drake.importing import dataclass
 from arm_drake.launch.frames import Placed
-from arm_drake.loading import load_robot
+from arm_drake.loading import as_urdf, load_robot
 from arm_drake.manager.loading import load_controllers_of
 from arm_drake.options import SimulationOptions
 
@@ -186,13 +187,15 @@ class LaunchedRobot:
         robot = dc.replace(robot, topic_aliases=(*robot.topic_aliases, *aliases))
         if self.is_controlled:
             robot = _without_idle(robot, self.spawned)
+        if self.simulator is not None:
+            _report_held_base(robot)
         hold_files(robot, self.folder)
         return robot
 
     def read_carriers(self, package_paths: Sequence[Path]) -> dict[str, str | None]:
         """Return for each link the one that carries it, None for a root."""
         file, text = self._expand(package_paths)
-        root = parse_xml(text, file)
+        root = parse_xml(as_urdf(text, file, package_paths, LoadReport()), file)
         carriers = {link.get("name", ""): None for link in root.iterfind("link")}
         found: dict[str, str | None] = dict(carriers)
         for joint in root.iterfind("joint"):
@@ -364,6 +367,16 @@ def _without_idle(robot: Robot, spawned: Collection[str]) -> Robot:
     return dc.replace(
         robot, report=others, controllers=dc.replace(config, controllers=kept)
     )
+
+
+def _report_held_base(robot: Robot) -> None:
+    """Record a base that Gazebo would leave to itself, and that is held here."""
+    description = robot.description
+    is_held = any(joint.parent == WORLD for joint in description.joints)
+    if not robot.has_free_base and not is_held:
+        what = f"Gazebo holds {description.base!r} nowhere: there is no link 'world'"
+        done = "it is held where it starts; it neither falls nor walks"
+        robot.report.add("warning", "repair", what, done, file=description.file)
 
 
 class LaunchedModel(NamedTuple):
@@ -547,7 +560,7 @@ class RobotParts:
                 descriptions.append(published)
         for each in self.spawns:
             if each.description and not _is_among(each.description, descriptions):
-                descriptions.append(each.description)
+                descriptions = self._add_spawn(each.description, descriptions)
         for manager in self.managers:
             own = manager.description
             if own is None or _is_among(own, descriptions, in_namespace=True):
@@ -597,6 +610,29 @@ class RobotParts:
         """Return what is published elsewhere of the one robot that a manager has."""
         is_same = len(self.managers) == 1 and _is_among(own, descriptions)
         return list(descriptions) if is_same and len(descriptions) == 1 else []
+
+    def _add_spawn(
+        self, own: Description, descriptions: list[Description]
+    ) -> list[Description]:
+        """Add what a spawner has by itself; it stands for what is published there.
+
+        A description of its name space that nothing else puts into the simulator, or
+        controls, says only how RViz and TF see the robot, as of one in an SDF file.
+        """
+        topics = [spawn.topic for spawn in self.spawns if spawn.topic is not None]
+        topics += [each.topic for each in self.managers if each.description is None]
+        owned = [m.description for m in self.managers if m.description is not None]
+        seen = [
+            each
+            for each in descriptions
+            if each in self.descriptions
+            and each.namespace == own.namespace
+            and each.topic not in topics
+            and not _is_among(each, owned)
+        ]
+        if seen:
+            own = own._replace(frame_prefix=seen[0].frame_prefix)
+        return [each for each in descriptions if each not in seen] + [own]
 
     def _semantics_of(self, description: Description, count: int) -> Path | None:
         for namespace, path in self.semantics:

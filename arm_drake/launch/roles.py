@@ -4,11 +4,12 @@ Each is one of a robot's (its description, its controller manager, its spawners,
 place), of the world's, of what is drawn, or is not run and told.
 """
 
+import contextlib
 import dataclasses as dc
 import functools
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +20,14 @@ from arm_drake.description.elements import parse_float
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Pose
+from arm_drake.description.sdf import is_sdf, moves_by_itself
 from arm_drake.description.xacro import expand_xacro
-from arm_drake.errors import PackageError
+from arm_drake.errors import DescriptionError, PackageError
 from arm_drake.importing import dataclass
 from arm_drake.launch.actions import split_ros_arguments
 from arm_drake.launch.commanded import read_goal, read_publication, save_steps
 from arm_drake.launch.frames import StaticFrame, read_static_frame
-from arm_drake.launch.nodes import find_role
+from arm_drake.launch.nodes import find_role, find_what_it_does
 from arm_drake.launch.robot import (
     Bridge,
     Description,
@@ -75,29 +77,6 @@ _INSTEAD = {
     "twist_mux": "a base takes whatever command comes last",
 }
 
-# How rclpy and rclcpp say it: what is done, the type, the name.
-_CALLS = (
-    r"create_(subscription|publisher|service|client)"
-    r"\(\s*([\w.]+)\s*,\s*f?['\"]([^'\"]+)['\"]",
-    r"(Action(?:Client|Server))\(\s*\w+\s*,\s*([\w.]+)\s*,\s*['\"]([^'\"]+)['\"]",
-    r"create_(subscription|publisher|service|client)"
-    r"<\s*([\w:]+)\s*>\s*\(\s*\"([^\"]+)\"",
-    r"(create_(?:client|server))<\s*([\w:]+)\s*>\s*\(\s*[\w>()-]+\s*,\s*\"([^\"]+)\"",
-)
-_DOES = {
-    "subscription": "subscribe to",
-    "publisher": "publish",
-    "service": "offer",
-    "client": "call",
-    "ActionClient": "send goals to",
-    "ActionServer": "take goals of",
-    "create_client": "send goals to",
-    "create_server": "take goals of",
-}
-
-# Larger ones are none of somebody's own hand [bytes].
-_LARGEST = 500_000
-
 
 @dataclass(frozen=True)
 class NotStarted:
@@ -145,6 +124,7 @@ class Roles:
         self._frames: list[StaticFrame] = []
         self._steps: list[dict[str, Any]] = []
         self._models: list[LaunchedModel] = []
+        self._num_texts = 0
         self._simulator: str | None = None
         self._not_started: list[NotStarted] = []
         self._own_nodes: list[tuple[Mapping[str, Any], NotStarted]] = []
@@ -588,18 +568,19 @@ class Roles:
                     what, done = f"no such model: {path}", "it is left out"
                     self._add("error", "missing", what, done, record)
                     return
-                name = option("entity", "name")
-                pose = self._read_pose(option, record)
                 path = self._finder.real(path)
-                self._models.append(LaunchedModel(path, name, pose))
+                if not _is_robot(path):
+                    self._add_model(path, option, record)
+                    return
+            description = Description("", record["namespace"], path, {})
+        elif text is not None and is_sdf(text):
+            self._num_texts += 1
+            path = self._folder.path / f"model_{self._num_texts}.sdf"
+            path.write_text(text, encoding="utf-8")
+            if not _is_robot(path):
+                self._add_model(path, option, record)
                 return
             description = Description("", record["namespace"], path, {})
-        elif text is not None and "<sdf" in text[:2000]:
-            path = self._folder.path / f"model_{len(self._models)}.sdf"
-            path.write_text(text, encoding="utf-8")
-            name, pose = option("entity", "name"), self._read_pose(option, record)
-            self._models.append(LaunchedModel(path, name, pose))
-            return
         elif text is not None:
             description = self._describe(text, record)
         elif topic is None:
@@ -615,6 +596,13 @@ class Roles:
                 simulator=simulator,
             )
         )
+
+    def _add_model(
+        self, path: Path, option: Callable[..., str | None], record: Mapping[str, Any]
+    ) -> None:
+        """Take an SDF model that is a thing in the world."""
+        name, pose = option("entity", "name"), self._read_pose(option, record)
+        self._models.append(LaunchedModel(path, name, pose))
 
     def _read_pose(
         self, option: Callable[..., str | None], record: Mapping[str, Any]
@@ -639,6 +627,11 @@ class Roles:
                 topic = word.partition("@")[0]
                 self._bridges.append(Bridge(word, _renamed(topic, record)))
         self._add_bridge_file(_merge(record).get("config_file", ""))
+
+    def _read_image_bridge(self, record: Mapping[str, Any]) -> None:
+        for topic in positional(record.get("arguments", ()), ()):
+            word = f"{topic}@sensor_msgs/msg/Image[gz.msgs.Image"
+            self._bridges.append(Bridge(word, _renamed(topic, record)))
 
     def _add_bridge_file(self, name: str) -> None:
         if name:
@@ -732,6 +725,14 @@ def _is_file(path: Path) -> bool:
         return False
 
 
+def _is_robot(path: Path) -> bool:
+    """Return whether an SDF model is a robot, not a thing in the world."""
+    try:
+        return moves_by_itself(_read_text(path), path)
+    except DescriptionError:  # The world's reader says what is wrong.
+        return False
+
+
 def _is_sdf(path: Path) -> bool:
     with path.open(encoding="utf-8", errors="replace") as file:
         return "<sdf" in file.read(2000)
@@ -743,49 +744,12 @@ def _describe_node(
     """Return a node of somebody's, with what it would do as far as its source says."""
     package, executable = record["package"], Path(record["executable"]).name
     reasons = []
-    if does := _find_what_it_does(package, executable, record, finder):
-        reasons.append(f"it would {does}")
+    with contextlib.suppress(PackageError):
+        folder, remappings = finder.source(package), record.get("remappings", ())
+        if does := find_what_it_does(folder, executable, remappings):
+            reasons.append(f"it would {does}")
     if package == "topic_tools" and executable == "relay":
         reasons.append(f"it would pass on {' to '.join(record.get('arguments', ()))}")
     if package in _INSTEAD:
         reasons.append(_INSTEAD[package])
     return NotStarted(name, reason="; ".join(reasons))
-
-
-def _find_what_it_does(
-    package: str, executable: str, record: Mapping[str, Any], finder: PackageFinder
-) -> str:
-    try:
-        folder = finder.source(package)
-    except PackageError:
-        return ""
-    renamed = {source.lstrip("~/"): new for source, new in record.get("remappings", ())}
-    found: dict[str, list[str]] = {}
-    for path in _sources(folder, executable):
-        text = path.read_text(encoding="utf-8", errors="replace")
-        for pattern in _CALLS:
-            for what, kind, topic in re.findall(pattern, text):
-                topic = renamed.get(topic.lstrip("~/"), topic)
-                line = f"{topic} ({re.split('[.:]', kind)[-1]})"
-                lines = found.setdefault(_DOES[what], [])
-                if line not in lines:
-                    lines.append(line)
-    return ", ".join(f"{does} {', '.join(lines)}" for does, lines in found.items())
-
-
-def _sources(folder: Path, executable: str) -> Iterator[Path]:
-    """Yield the files that a node of a package is made of, as far as it is told."""
-    stem = executable.removesuffix(".py")
-    names = {executable, f"{stem}.py", f"{stem}.cpp", f"{stem}.cc"}
-    for setup in (folder / "setup.py", folder / "setup.cfg", folder / "CMakeLists.txt"):
-        if not setup.is_file():
-            continue
-        text = setup.read_text(encoding="utf-8", errors="replace")
-        for module in re.findall(rf"\b{re.escape(stem)}\s*=\s*([\w.]+):\w+", text):
-            names.add(f"{module.rpartition('.')[2]}.py")
-        call = rf"add_executable\(\s*{re.escape(stem)}\s+([^)]*)\)"
-        for files in re.findall(call, text):
-            names |= {Path(file).name for file in files.split()}
-    for path in sorted(folder.rglob("*")):
-        if path.name in names and path.is_file() and path.stat().st_size < _LARGEST:
-            yield path

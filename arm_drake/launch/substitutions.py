@@ -108,6 +108,8 @@ class LaunchContext:
         self.files: list[str] = []
         self.descriptions: list[dict[str, Any]] = []
         self.parameters: list[Any] = []
+        # What nodes that were started are given by name, by their names.
+        self.started: dict[str, dict[str, Any]] = {}
         self.remappings: list[tuple[str, str]] = []
 
         # Files of parameters that were rewritten: of which one, and whether their lines
@@ -357,7 +359,7 @@ _ON_STDERR = ("fail", "ignore", "warn", "capture")
 
 
 class Command(Substitution):
-    """What a program prints: xacro's is expanded later, others are refused."""
+    """What a program prints: xacro's is expanded later, most others are refused."""
 
     def __init__(self, command: Any, *, on_stderr: Any = "fail") -> None:
         super().__init__()
@@ -373,6 +375,8 @@ class Command(Substitution):
             program, *words = _split_command(text)
         except ValueError:
             raise SubstitutionFailure(f"command {text!r}: no program's name") from None
+        if program == "ros2" and words[:2] == ["param", "get"]:
+            return _parameter(context, text, words[2:])
         if program == "ros2" and words[:2] in (["run", "xacro"],):
             program, words = "xacro", words[3:]
         files = [w for w in words if ":=" not in w and not w.startswith("-")]
@@ -386,6 +390,25 @@ class Command(Substitution):
         raise SubstitutionFailure(
             f"command {text!r} is not run; expected xacro FILE [NAME:=VALUE ...]"
         )
+
+
+def _parameter(context: LaunchContext, text: str, words: list[str]) -> str:
+    """Return what `ros2 param get` prints of a node that was started before."""
+    names = [word for word in words if not word.startswith("-")]
+    if len(names) != 2 or "--hide-type" not in words:
+        problem = f"command {text!r}: expected ros2 param get --hide-type NODE NAME, "
+        problem += "which prints the value alone"
+        raise SubstitutionFailure(problem)
+    node, name = f"/{names[0].lstrip('/')}", names[1]
+    if node not in context.started:
+        there = ", ".join(sorted(context.started)) or "none"
+        problem = f"command {text!r}: {node} isn't started by then; nodes: {there}"
+        raise SubstitutionFailure(problem)
+    if name not in (given := context.started[node]):
+        there = ", ".join(sorted(given)) or "none"
+        problem = f"command {text!r}: {node} is given no {name!r}; it has: {there}"
+        raise SubstitutionFailure(problem)
+    return str(given[name])
 
 
 def _split_command(text: str) -> list[str]:

@@ -90,7 +90,7 @@ _PRIMITIVES = ("box", "sphere", "cylinder", "capsule", "ellipsoid")
 # Thickness of what collides as a plane, and of what is seen as one [m].
 _THICKNESS = {"collision": 1.0, "visual": 1e-3}
 
-# Size of a plane that doesn't say it [m].
+# Size of a plane that doesn't say it, and at least of each that collides [m].
 _PLANE_SIZE = (100.0, 100.0)
 
 # Pictures that may cover the ground.
@@ -464,6 +464,9 @@ class _Shape:
         thickness = _THICKNESS[self.element.tag]
         normal = np.array(self._numbers(plane, "normal", (0.0, 0.0, 1.0)))
         size = self._numbers(plane, "size", _PLANE_SIZE)
+        if self.element.tag == "collision" and min(size) > 0.0:
+            # It has no end, says SDFormat's plane_shape.sdf; a size is how it looks.
+            size = tuple(map(max, size, _PLANE_SIZE))
         if not np.any(normal) or not min(size) > 0.0:
             return self._drop("a <plane> without a direction or a size")
         X_LP = _pose_of(self.element, self.file)

@@ -74,7 +74,11 @@ def show_backdrop(
 
 
 # Plugins of a world that do what arm_drake does without them.
-_BUILT_IN = ("physics", "user-commands", "scene-broadcaster", "gazebo_ros_state")
+_BUILT_IN = (
+    *("physics", "user-commands", "scene-broadcaster", "gazebo_ros_state"),
+    *("sensors-system", "imu-system", "contact-system", "forcetorque-system"),
+    *("gazebo_ros_init", "gazebo_ros_factory"),
+)
 
 # What else a world may have, and what becomes of it.
 _WITHOUT_EFFECT = {

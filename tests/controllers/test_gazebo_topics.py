@@ -144,7 +144,9 @@ def test_namespaces_and_remappings(
             ],
         ),
         (
-            GazeboRosJointPoseTrajectory(remappings=("a:=b", "a=b", "a:=~/b")),
+            GazeboRosJointPoseTrajectory(
+                remappings=("a:=b", "~/a:=b", "a=b", "a:=~/b")
+            ),
             [
                 "remapping 'a=b': expected from:=to, with names of topics",
                 "remapping 'a:=~/b': expected from:=to, with names of topics",

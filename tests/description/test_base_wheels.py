@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+import arm_drake as ad
 from arm_drake.description.base_wheels import (
     MobileBase,
     find_bases,
@@ -147,3 +148,72 @@ def test_wheels_share_what_they_carry(tmp_path: Path) -> None:
     # The mass at the rim: m r^2, by two.
     share = total_mass(robot.description) * RADIUS**2 / 2.0
     assert load_inertia == pytest.approx({"left": share, "right": share})
+
+
+SLIDING = '<gazebo reference="caster"><mu1>0</mu1></gazebo>'
+VELOCITIES = yaml(
+    "velocity_controllers/JointGroupVelocityController", joints="[left, right]"
+)
+
+
+def test_wheels_that_take_velocities_drive_the_base(tmp_path: Path) -> None:
+    robot = models.load(tmp_path, cart(CONTROL, SLIDING), VELOCITIES)
+    simulation = ad.Simulation(ad.build_diagram(robot))
+
+    simulation.topic("/c/commands").publish([4.0, 4.0])
+    simulation.advance_to(1.0)
+
+    x = simulation.link_poses()["base_link"].translation()[0]
+    # But for the first moments, in which they get up to it.
+    assert x == pytest.approx(4.0 * RADIUS, rel=0.1)
+
+
+def test_wheels_that_take_efforts_push_the_base(tmp_path: Path) -> None:
+    control = models.ros2_control("left", "right", command="effort")
+    kind = "effort_controllers/JointGroupEffortController"
+    text = yaml(kind, joints="[left, right]")
+    robot = models.load(tmp_path, cart(control, SLIDING), text)
+    simulation = ad.Simulation(ad.build_diagram(robot))
+
+    simulation.topic("/c/commands").publish([0.2, 0.2])
+    simulation.advance_to(1.0)
+
+    x = simulation.link_poses()["base_link"].translation()[0]
+    # 0.2 N·m at each wheel push 6.2 kg and turn two wheels of 0.0025 kg·m^2.
+    force, mass = 2.0 * 0.2 / RADIUS, 6.2 + 2.0 * 0.0025 / RADIUS**2
+    assert x == pytest.approx(0.5 * force / mass, rel=0.05)
+
+
+WORLD = """<link name="world"/><joint name="held" type="fixed">
+  <parent link="world"/><child link="base_link"/></joint></robot>"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("</robot>", WORLD),
+        # About axes that point up, with an end, one behind the other as of an arm.
+        ('axis xyz="0 1 0"', 'axis xyz="0 0 1"'),
+        (
+            'type="continuous">',
+            'type="revolute"><limit lower="-1" upper="1" effort="9" velocity="9"/>',
+        ),
+        (
+            '<parent link="base_link"/><child link="right_wheel"/>',
+            '<parent link="left_wheel"/><child link="right_wheel"/>',
+        ),
+    ],
+)
+def test_a_base_without_wheels_or_in_the_world_is_held(
+    tmp_path: Path, old: str, new: str
+) -> None:
+    urdf = cart(CONTROL).replace(old, new)
+
+    assert cart(CONTROL) != urdf
+    assert not models.load(tmp_path, urdf, VELOCITIES).has_free_base
+
+
+def test_a_base_with_one_wheel_that_is_commanded_is_held(tmp_path: Path) -> None:
+    text = VELOCITIES.replace("[left, right]", "[left]")
+
+    assert not models.load(tmp_path, cart(CONTROL), text).has_free_base

@@ -1,5 +1,6 @@
 """Bridges of ROS and Gazebo: the topics that they connect, and what they don't."""
 
+import textwrap
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from arm_drake.description.bridge import TopicAlias, load_bridges, split_bridges
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import InputError
+from tests import models
 from tests.models import pendulum, ros2_control, trajectory_controllers
 from tests.robots import real_robot
 
@@ -334,3 +336,43 @@ def test_the_bridge_of_a_real_robot_connects_all_of_its_joints():
         (f"{topic}/{j}/cmd_pos", f"{topic}/{j}/0/cmd_pos", "ROS_TO_GZ") for j in joints
     ]
     assert others == expected
+
+
+REMAPPED = """<gazebo><plugin filename="gz_ros2_control-system" name="p">
+  <ros><namespace>{}</namespace><remapping>{}</remapping>
+  <remapping>nothing:=else</remapping></ros></plugin></gazebo></robot>"""
+POSITIONS = """
+controller_manager:
+  ros__parameters:
+    push: {type: position_controllers/JointGroupPositionController}
+push:
+  ros__parameters: {joints: [shoulder, elbow]}
+"""
+
+
+@pytest.mark.parametrize(
+    ("space", "rule"),
+    [
+        ("", "push/commands:=go"),
+        ("/", "/push/commands:=/go"),
+        ("left", "push/commands:=go"),
+        ("left", "/left/push/commands:=/left/go"),
+    ],
+)
+def test_remappings_of_the_plugin_give_topics_of_controllers_their_names(
+    tmp_path: Path, space: str, rule: str
+) -> None:
+    urdf = models.TWO_LINKS.replace("</robot>", REMAPPED.format(space, rule))
+    yaml = POSITIONS
+    if space.strip("/"):
+        yaml = f"{space}:\n{textwrap.indent(POSITIONS, '  ')}"
+    robot = models.load(tmp_path, urdf, yaml)
+    simulation = ad.Simulation(ad.build_diagram(robot))
+
+    simulation.topic("/go").publish([0.25, 0.5])
+    simulation.advance_to(0.1)
+
+    names = [topic.name for topic in simulation.list_topics()]
+    assert "/go" in names
+    assert "/else" not in names
+    assert list(simulation.rollout().command[-1]) == [0.25, 0.5]

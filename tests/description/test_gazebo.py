@@ -7,6 +7,7 @@ import pytest
 
 from arm_drake.description.gazebo import (
     GazeboPlugin,
+    read_friction,
     read_gazebo_plugins,
     read_joint_plugins,
     report_gazebo,
@@ -209,3 +210,23 @@ def test_friction_of_what_is_no_link_is_reported():
         "warning: arm.urdf: <mu1> in a tag without reference, that is, of no link; "
         "it has no effect",
     ]
+
+
+def test_friction_as_sdf_has_it_is_no_tag_without_effect() -> None:
+    body = """<link name="a"/><gazebo reference="a"><collision><surface><friction>
+      <ode><mu>0.3</mu></ode></friction></surface></collision><kp>1</kp></gazebo>"""
+
+    found = lines_of(body)
+
+    assert read_friction(ET.XML(f"<robot>{body}</robot>"), ["a"]) == {"a": 0.3}
+    assert found == ["info: arm.urdf: <gazebo> tags <kp>; they have no effect"]
+
+
+def test_an_empty_tag_that_could_hold_others_is_no_unknown_one() -> None:
+    fields = (("ros", ""), ("left_joint", "a"), ("right_joint", "b"), ("rose", "1"))
+    plugin = GazeboPlugin("d", "libgazebo_ros_diff_drive.so", fields)
+    report = LoadReport()
+
+    read_joint_plugins([plugin], ["a", "b"], report, Path("arm.urdf"))
+
+    assert [entry.what for entry in report] == ["unknown tags: rose"]

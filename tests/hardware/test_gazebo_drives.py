@@ -475,6 +475,26 @@ def test_an_arm_on_a_base_is_held_where_its_casters_roll(tmp_path: Path) -> None
     assert rolling("swivel, caster_wheel") in lines(robot)
 
 
+def test_what_suspends_driven_wheels_is_not_held(tmp_path: Path) -> None:
+    rocker = """<link name="rocker"><inertial><mass value="0.5"/>
+      <inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>
+      </link><joint name="rock" type="revolute"><parent link="base_link"/>
+      <child link="rocker"/><axis xyz="0 1 0"/>
+      <limit lower="-0.2" upper="0.2" effort="9" velocity="9"/></joint>"""
+    text = cart(diff_drive(), rocker).replace(
+        '<parent link="base_link"/><child link="left_wheel"/>',
+        '<parent link="rocker"/><child link="left_wheel"/>',
+    )
+
+    robot = load(tmp_path, text)
+
+    assert [c.name for c in robot.controllers.controllers] == ["DiffDrive"]
+    assert lines(robot)[0] == (
+        "info: : no controller of rock, which carry driven wheels; taken as a "
+        "suspension, which moves as its wheels push it"
+    )
+
+
 def test_a_steered_cart_whose_steering_another_plugin_has_is_left_out(
     tmp_path: Path,
 ) -> None:

@@ -536,6 +536,153 @@ def test_actions_of_gazebo_are_its_launch_files(package: Path) -> None:
     assert plan.bridge_files == (package / "b.yaml",)
 
 
+CART = """
+<sdf version="1.8"><model name="cart"><link name="base"/>
+<link name="a"/><joint name="left" type="revolute"><parent>base</parent>
+  <child>a</child><axis><xyz>0 1 0</xyz></axis></joint>
+<link name="b"/><joint name="right" type="revolute"><parent>base</parent>
+  <child>b</child><axis><xyz>0 1 0</xyz></axis></joint>
+<plugin filename="gz-sim-diff-drive-system" name="gz::sim::systems::DiffDrive">
+  <left_joint>left</left_joint><right_joint>right</right_joint>
+  <topic>cmd_vel</topic></plugin></model></sdf>"""
+
+
+def test_an_sdf_model_with_plugins_that_move_it_is_the_robot(package: Path) -> None:
+    (package / "cart.sdf").write_text(CART)
+    path = describe(
+        package,
+        """
+        publisher(), ExecuteProcess(cmd=["gz", "sim", "-r", "empty.sdf"]),
+        Node(package="ros_gz_sim", executable="create", arguments=[
+            "-file", os.path.join(PACKAGE, "cart.sdf"), "-name", "my_cart"]),
+        """,
+    )
+    plan = ad.load_launch(path)
+
+    (robot,) = plan.load_scene().robots
+
+    # What robot_state_publisher has is how RViz sees it.
+    assert robot.name == "my_cart"
+    assert [c.name for c in robot.controllers.controllers] == ["DiffDrive"]
+    assert plan.models == ()
+
+
+def test_an_sdf_model_may_be_a_published_description(package: Path) -> None:
+    (package / "cart.sdf").write_text(
+        CART.replace("<sdf ", '<sdf xmlns:xacro="http://ros.org/wiki/xacro" ').replace(
+            '"cart"', "\"${2 * 'x'}\""
+        )
+    )
+    path = describe(
+        package,
+        """
+        publisher(["xacro ", os.path.join(PACKAGE, "cart.sdf")]),
+        ExecuteProcess(cmd=["gz", "sim", "-r", "empty.sdf"]),
+        Node(package="ros_gz_sim", executable="create",
+             arguments=["-topic", "robot_description"]),
+        """,
+    )
+
+    (robot,) = ad.load_launch(path).load_scene().robots
+
+    assert (robot.name, robot.has_free_base) == ("xx", True)
+
+
+@pytest.mark.parametrize("link", ["world", "trunk"])
+def test_a_base_that_gazebo_would_not_hold_is_told(package: Path, link: str) -> None:
+    urdf = package / "urdf" / "pendulum.urdf.xacro"
+    urdf.write_text(urdf.read_text().replace('"world"', f'"{link}"'))
+    path = describe(
+        package,
+        """
+        publisher(), ExecuteProcess(cmd=["gz", "sim", "-r", "empty.sdf"]),
+        Node(package="ros_gz_sim", executable="create",
+             arguments=["-topic", "robot_description"]),
+        """,
+    )
+
+    (robot,) = ad.load_launch(path).load_scene().robots
+
+    told = [
+        f"warning: {urdf}: Gazebo holds 'trunk' nowhere: there is no link 'world'; "
+        "it is held where it starts; it neither falls nor walks"
+    ]
+    found = [str(each) for each in robot.report if "Gazebo" in each.what]
+    assert found == (told if link == "trunk" else [])
+
+
+ROBOTS = "one={x: 1.0, yaw: 0.5}; two = {y: 2.0};"
+
+
+@pytest.mark.parametrize(
+    ("poses", "arguments"),
+    [
+        ("ParseMultiRobotPose('robots').value()", {"robots": ROBOTS}),
+        (f"ParseMultiRobotPose({ROBOTS!r}).perform(None)", {}),
+    ],
+)
+def test_robots_and_their_poses_are_one_argument(
+    package: Path, poses: str, arguments: dict[str, str]
+) -> None:
+    before = "from nav2_common.launch import ParseMultiRobotPose\n"
+    path = describe(
+        package,
+        f"""
+        publisher(), *[Node(package="ros_gz_sim", executable="create", arguments=[
+            "-topic", "robot_description", "-name", name,
+            *[w for a, v in (("x", "x"), ("y", "y"), ("Y", "yaw"))
+              for w in ("-" + a, str(pose[v]))]])
+          for name, pose in {poses}.items()],
+        """,
+        before,
+    )
+
+    plan = ad.load_launch(path, arguments=arguments)
+
+    assert [(robot.name, robot.pose) for robot in plan.robots] == [
+        ("one", (1.0, 0.0, 0.0, 0.0, 0.0, 0.5)),
+        ("two", (0.0, 2.0, 0.0, 0.0, 0.0, 0.0)),
+    ]
+
+
+def test_conditions_of_navigation_are_told(package: Path) -> None:
+    before = "from nav2_common.launch import HasNodeParams, LaunchConfigAsBool\n"
+    path = describe(
+        package,
+        """
+        DeclareLaunchArgument("on", default_value="Yes"),
+        publisher(), manager(),
+        *[spawner(name, condition=IfCondition(decides)) for name, decides in (
+            ("arm_controller", HasNodeParams(YAML, "arm_controller")),
+            ("forward", HasNodeParams(YAML, "backward")),
+            ("joint_state_broadcaster", LaunchConfigAsBool("on")))],
+        """,
+        before,
+    )
+
+    (robot,) = ad.load_launch(path).robots
+
+    assert list(robot.spawned) == ["arm_controller", "joint_state_broadcaster"]
+
+
+def test_a_bridges_file_that_is_rewritten_is_told_by_its_name(package: Path) -> None:
+    (package / "b.yaml").write_text("[]")
+    before = "from nav2_common.launch import ReplaceString\n"
+    path = describe(
+        package,
+        """
+        publisher(), Node(package="ros_gz_bridge", executable="parameter_bridge",
+            parameters=[{"config_file": ReplaceString(
+                os.path.join(PACKAGE, "b.yaml"), {"a": "b"})}]),
+        """,
+        before,
+    )
+
+    plan = ad.load_launch(path)
+
+    assert f"bridge: {package / 'b.yaml'}" in str(plan).splitlines()
+
+
 @pytest.mark.slow
 def test_one_description_may_be_spawned_twice(package: Path) -> None:
     path = describe(

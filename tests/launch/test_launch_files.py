@@ -615,6 +615,53 @@ def test_what_a_shell_gives_to_xacro_and_only_copies_is_the_description(
         ad.load_launch(path)
 
 
+ASKING = """
+        publisher(command=[*XACRO, " prefix:=a_"]),
+        Node(package="controller_manager", executable="ros2_control_node",
+             parameters=[YAML, {{"robot_description": Command(
+                 ["ros2 param get {}"])}}]),
+        """
+
+
+def test_a_manager_may_ask_the_publisher_for_the_description(package: Path) -> None:
+    words = "--hide-type /robot_state_publisher robot_description"
+
+    (robot,) = ad.load_launch(describe(package, ASKING.format(words))).robots
+
+    assert robot.xacro_args == {"prefix": "a_"}
+    assert robot.has_manager
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (
+            "/robot_state_publisher robot_description",
+            "expected ros2 param get --hide-type NODE NAME, which prints the value "
+            "alone",
+        ),
+        (
+            "--hide-type /rsp robot_description",
+            "/rsp isn't started by then; nodes: /robot_state_publisher",
+        ),
+        (
+            "--hide-type robot_state_publisher description",
+            "/robot_state_publisher is given no 'description'; it has: "
+            "robot_description, use_sim_time",
+        ),
+    ],
+)
+def test_what_can_not_be_asked_for_is_an_error(
+    package: Path, words: str, problem: str
+) -> None:
+    path = describe(package, ASKING.format(words))
+
+    with pytest.raises(InputError) as caught:
+        ad.load_launch(path)
+
+    assert str(caught.value) == f"{path}: command 'ros2 param get {words}': {problem}"
+
+
 def test_arguments_of_controllers_nodes_are_their_parameters(package: Path) -> None:
     path = describe(
         package,
@@ -1015,6 +1062,26 @@ def test_arguments_of_a_bridge_give_topics_their_names(package: Path) -> None:
     (alias,) = robot.topic_aliases
     assert (alias.ros_name, alias.gz_name) == ("/arm/command", "/swing_to")
     assert (alias.is_to_gz, alias.is_to_ros) == (True, False)
+
+
+def test_a_bridge_of_pictures_gives_them_their_names(package: Path) -> None:
+    file = describe(
+        package,
+        """
+        ExecuteProcess(cmd=["gz", "sim", "-r", "empty.sdf"]), publisher(),
+        Node(package="ros_gz_image", executable="image_bridge",
+             arguments=["/eye/image", "depth"], remappings=[("depth", "far")],
+             namespace="left"),
+        """,
+    )
+
+    plan = ad.load_launch(file)
+
+    assert [(str(b).partition("@")[0], b.ros_topic) for b in plan.bridges] == [
+        ("/eye/image", "/eye/image"),
+        ("depth", "/left/far"),
+    ]
+    assert plan.not_started == ()
 
 
 FRAMES = """

@@ -346,7 +346,20 @@ def test_a_plane_is_a_box_behind_it(tmp_path: Path) -> None:
     (geometry,) = scene_graph.model_inspector().GetAllGeometryIds()
     shape = scene_graph.model_inspector().GetShape(geometry)
     assert isinstance(shape, Box)
-    np.testing.assert_allclose(shape.size(), [4.0, 2.0, 1.0])
+    np.testing.assert_allclose(shape.size(), [100.0, 100.0, 1.0])
+
+
+def test_a_plane_that_collides_has_no_end(tmp_path: Path) -> None:
+    ground = """<collision name="c"><geometry>
+      <plane><size>1 1</size></plane></geometry></collision>"""
+
+    _, scene_graph = make_plant(write(tmp_path, model("ground", ground)))
+
+    (geometry,) = scene_graph.model_inspector().GetAllGeometryIds()
+    shape = scene_graph.model_inspector().GetShape(geometry)
+    assert isinstance(shape, Box)
+    # As far as the built-in ground.
+    np.testing.assert_allclose(shape.size(), [100.0, 100.0, 1.0])
 
 
 @pytest.mark.slow
@@ -501,6 +514,7 @@ def test_what_has_no_effect_is_reported_once(tmp_path: Path) -> None:
     path = write(
         tmp_path,
         """<plugin filename="gz-sim-physics-system" name="a"/>
+        <plugin filename="libignition-gazebo-imu-system.so" name="a"/>
         <plugin filename="libmystery.so" name="b"/>
         <plugin filename="libmystery.so" name="b"/>
         <physics type="ode"><max_step_size>0.002</max_step_size></physics>
@@ -523,6 +537,8 @@ def test_what_has_no_effect_is_reported_once(tmp_path: Path) -> None:
         "info : <wind>; there is none",
         "info : lights 'lamp', 'sun'; cameras see by them; the page has its own",
         "info : plugin 'gz-sim-physics-system'; what it does is there without it",
+        "info : plugin 'libignition-gazebo-imu-system.so'; what it does is there "
+        "without it",
         "warning : actor 'walker'; it isn't shown",
         "warning : plugin 'libmystery.so'; it has no effect",
         "warning model 'm', link 'link': <sensor> 's'; it has no effect",

@@ -1,10 +1,14 @@
 """Things of a world: where they are."""
 
+from pathlib import Path
+
 import pytest
+from pydrake.geometry import Role, SceneGraph
 
 import arm_drake as ad
 from arm_drake.worlds.things import with_things
 from arm_drake.worlds.world import load_world
+from tests import models
 from tests.robots import load_real_robot
 
 
@@ -28,3 +32,26 @@ def test_a_simulation_says_where_what_moves_freely_is() -> None:
     assert simulation.things["ball"].translation() == pytest.approx(
         [2.0, 0.0, fallen], abs=2e-3
     )
+
+
+def test_a_large_ball_has_no_more_facets_than_one_that_is_held(tmp_path: Path) -> None:
+    radii = (0.1, 1.0)  # [m]. With facets of one size it would have a thousand times.
+    balls = [
+        ad.Thing(f"ball{r}", "sphere", (r,), mass=1.0, pose=(5 * r + 2, 0, r, 0, 0, 0))
+        for r in radii
+    ]
+    world = with_things(load_world("empty"), balls)
+    robot = models.load(tmp_path, models.TWO_LINKS)
+
+    diagram = ad.build_diagram(robot, world=world)
+
+    scene_graph = diagram.GetSubsystemByName("scene_graph")
+    assert isinstance(scene_graph, SceneGraph)
+    inspector = scene_graph.model_inspector()
+    small, large = (
+        inspector.maybe_get_hydroelastic_mesh(geometry).num_elements()
+        for radius in radii
+        for geometry in inspector.GetAllGeometryIds(Role.kProximity)
+        if f"ball{radius}" in inspector.GetName(inspector.GetFrameId(geometry))
+    )
+    assert large <= 2 * small

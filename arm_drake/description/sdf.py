@@ -1,0 +1,475 @@
+"""A robot that an SDF model describes, as the text of a URDF.
+
+Gazebo takes robots as SDF models, too. All that reads descriptions here reads URDF, so
+a model is written as one: links and joints with their frames, and what URDF has no
+words for, plugins, sensors and friction, in the `<gazebo>` tags in which URDF files
+have it.
+
+In URDF the frame of a link is that of the joint which moves it. So a link's content is
+shifted where an SDF file has them apart. Below fixed joints the link's own frame stays.
+
+Sources: SDFormat, sdf/1.11/{model,link,joint,inertial,pose}.sdf, and
+http://sdformat.org/tutorials?tut=pose_frame_semantics.
+"""
+
+import copy
+import math
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from arm_drake.arrays import Array
+from arm_drake.description.elements import (
+    attribute,
+    parse_bool,
+    parse_number,
+    parse_xml,
+    text_of,
+)
+from arm_drake.description.gazebo import read_plugins
+from arm_drake.description.joints import WORLD
+from arm_drake.description.links import Origin
+from arm_drake.description.report import Kind, LoadReport, Severity
+from arm_drake.errors import DescriptionError, suggest
+from arm_drake.importing import dataclass
+
+# Finds the file that an address in a model names, from a folder; None if there is none.
+FileFinder = Callable[[str, Path], Path | None]
+
+_MODEL = "__model__"
+
+# The name of the topmost element, behind a declaration and comments.
+_FIRST_TAG = re.compile(r"\ufeff?\s*(?:<\?.*?\?>\s*|<!--.*?-->\s*)*<(\w+)", re.DOTALL)
+
+# SDF's joints that move about or along one axis, as URDF's.
+_AXES = {"revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic"}
+
+# Positions from which on SDF has no limit [rad] or [m].
+_NO_LIMIT = 1e15
+
+# The frame of axes before version 1.5 of SDF was the model's.
+_AXES_IN_JOINT = (1, 5)
+
+# Geometries by the tags of their measures; SDF writes them as elements.
+_GEOMETRIES = {
+    "box": ("size",),
+    "sphere": ("radius",),
+    "cylinder": ("radius", "length"),
+    "capsule": ("radius", "length"),
+}
+
+# What links and models have that is read, or stands in a file for other reasons.
+_OF_LINKS = {"pose", "inertial", "visual", "collision", "sensor", "plugin"}
+_OF_LINKS |= {"must_be_base_link", "velocity_decay", "enable_wind"}
+_OF_MODELS = {"link", "joint", "frame", "plugin", "pose", "static", "self_collide"}
+_OF_MODELS |= {"allow_auto_disable", "enable_wind"}
+
+
+def is_sdf(text: str) -> bool:
+    """Return whether the text of a description is SDF."""
+    first = _FIRST_TAG.match(text)
+    return first is not None and first[1] == "sdf"
+
+
+def moves_by_itself(text: str, file: Path) -> bool:
+    """Return whether an SDF model has plugins that move it, or report its joints."""
+    model = parse_xml(text, file).find("model")
+    return model is not None and any(
+        plugin.kind != "other" for plugin in read_plugins(model, "")
+    )
+
+
+def convert_sdf(text: str, file: Path, report: LoadReport, find: FileFinder) -> str:
+    """Return an SDF model as the text of a URDF.
+
+    Raises:
+        DescriptionError: If there is no model, or a frame isn't there.
+    """
+    root = parse_xml(text, file)
+    model = root.find("model")
+    if model is None:
+        holder = root.find("world")
+        what = "a robot's <model>" if holder is None else "a robot's <model>, got a"
+        what += "" if holder is None else " <world>, which --world takes"
+        raise DescriptionError(f"<sdf>: expected {what}", file=file)
+    version = re.findall(r"[0-9]+", root.get("version", ""))
+    is_old = tuple(map(int, version[:2])) < _AXES_IN_JOINT
+    return _Model(model, file, report, find, has_axes_in_model=is_old).write()
+
+
+def _matrix(origin: Origin) -> Array:
+    X = np.eye(4)
+    X[:3, :3], X[:3, 3] = origin.rotation, origin.position
+    return X
+
+
+def _inverse(X: Array) -> Array:
+    Y = np.eye(4)
+    Y[:3, :3], Y[:3, 3] = X[:3, :3].T, -X[:3, :3].T @ X[:3, 3]
+    return Y
+
+
+def _origin(X: Array) -> Origin:
+    """Return a pose as URDF writes it."""
+    R = X[:3, :3]
+    pitch = math.atan2(-R[2, 0], math.hypot(R[2, 1], R[2, 2]))
+    if abs(R[2, 0]) < 1.0 - 1e-12:
+        roll, yaw = math.atan2(R[2, 1], R[2, 2]), math.atan2(R[1, 0], R[0, 0])
+    else:
+        roll, yaw = 0.0, math.atan2(-R[0, 1], R[1, 1])
+    x, y, z = X[:3, 3]
+    # Digits beyond those of an angle's cosine are noise, and negative zeros confuse.
+    numbers = [round(float(n), 12) + 0.0 for n in (x, y, z, roll, pitch, yaw)]
+    return Origin(tuple(numbers[:3]), tuple(numbers[3:]))  # type: ignore[arg-type]
+
+
+def _words(numbers: Iterable[float]) -> str:
+    return " ".join(f"{number:.15g}" for number in numbers)
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """A `<model>` on its way to a URDF."""
+
+    model: ET.Element
+    file: Path
+    report: LoadReport
+    find: FileFinder
+    has_axes_in_model: bool
+
+    def write(self) -> str:
+        """Return the URDF."""
+        name = attribute(self.model, "name") or "robot"
+        robot = ET.Element("robot", name=name)
+        for child in self.model:
+            if child.tag not in _OF_MODELS:
+                what, done = f"<{child.tag}> in the model", "it is left out"
+                self._note("error", "unsupported", what, done, child)
+        joints = self.model.findall("joint")
+        if any(text_of(joint, "parent") == WORLD for joint in joints):
+            ET.SubElement(robot, "link", name=WORLD)
+        carriers = {text_of(joint, "child"): joint for joint in joints}
+        self._report_root(carriers)
+        for link in self.model.findall("link"):
+            self._write_link(robot, link, carriers.get(attribute(link, "name")))
+        for joint in joints:
+            self._write_joint(robot, joint)
+        for plugin in self.model.findall("plugin"):
+            ET.SubElement(robot, "gazebo").append(copy.deepcopy(plugin))
+        return ET.tostring(robot, encoding="unicode")
+
+    def _note(
+        self, severity: Severity, kind: Kind, what: str, done: str, element: ET.Element
+    ) -> None:
+        name = attribute(element, "name")
+        where = f"{element.tag} {name!r}" if name else ""
+        self.report.add(severity, kind, what, done, where=where, file=self.file)
+
+    def _report_root(self, carriers: Mapping[str, ET.Element]) -> None:
+        """Record a base that isn't where the model is: poses are those of the base."""
+        links = [
+            link
+            for link in self.model.findall("link")
+            if attribute(link, "name") not in carriers
+        ]
+        for link in links[:1]:
+            origin = _origin(self._frame(attribute(link, "name")))
+            if any((*origin.xyz, *origin.rpy)):
+                what = f"the base is at {_words((*origin.xyz, *origin.rpy))} in the "
+                what += "model"
+                done = "a pose of the robot is that of the base, not of the model"
+                self._note("info", "repair", what, done, link)
+
+    # Frames.
+
+    def _frame(self, name: str, passed: tuple[str, ...] = ()) -> Array:
+        """Return the pose of a link, joint or frame in the model, shape (4, 4)."""
+        if name in ("", _MODEL, WORLD):
+            return np.eye(4)
+        found = {
+            attribute(e, "name"): e
+            for e in self.model
+            if e.tag in ("link", "joint", "frame")
+        }
+        where = f"model {attribute(self.model, 'name')!r}"
+        if name not in found:
+            problem = f"no link, joint or frame {name!r}; {suggest(name, found)}"
+            raise DescriptionError(problem, file=self.file, where=where)
+        if name in passed:
+            problem = f"the pose of {name!r} is relative to itself"
+            raise DescriptionError(problem, file=self.file, where=where)
+        element = found[name]
+        default = {
+            "joint": text_of(element, "child"),
+            "frame": attribute(element, "attached_to"),
+        }.get(element.tag, _MODEL)
+        return self._placed(element, default, (*passed, name))
+
+    def _placed(
+        self, element: ET.Element, default: str, passed: tuple[str, ...] = ()
+    ) -> Array:
+        """Return the pose of an element in the model; without a word in `default`."""
+        pose = element.find("pose")
+        other = "" if pose is None else attribute(pose, "relative_to")
+        return self._frame(other or default, passed) @ self._pose(element)
+
+    def _pose(self, element: ET.Element) -> Array:
+        """Return the pose that an element states."""
+        pose = element.find("pose")
+        words = text_of(pose).split()
+        numbers = [parse_number(word) for word in words]
+        known = [n for n in numbers if n is not None and math.isfinite(n)]
+        is_quaternion = (
+            pose is not None and attribute(pose, "rotation_format") == "quat_xyzw"
+        )
+        if not words:
+            return np.eye(4)
+        if len(known) != len(numbers) or len(known) != 6 + is_quaternion:
+            expected = "x, y, z and " + "roll, pitch, yaw"
+            if is_quaternion:
+                expected = "x, y, z and a quaternion x, y, z, w"
+            what = f"pose: expected {expected}, got {text_of(pose)!r}"
+            self._note("error", "invalid", what, "taken as not given", element)
+            return np.eye(4)
+        if is_quaternion:
+            X = np.eye(4)
+            X[:3, :3], X[:3, 3] = _rotation_of(np.array(known[3:])), known[:3]
+            return X
+        if pose is not None and parse_bool(attribute(pose, "degrees")):
+            known[3:] = map(math.radians, known[3:])
+        x, y, z, roll, pitch, yaw = known
+        return _matrix(Origin((x, y, z), (roll, pitch, yaw)))
+
+    def _link_frame(self, name: str) -> Array:
+        """Return the frame that a link has in the URDF, in the model."""
+        for joint in self.model.findall("joint"):
+            if text_of(joint, "child") == name and self._type(joint) != "fixed":
+                return self._frame(attribute(joint, "name"))
+        return self._frame(name)
+
+    # Links.
+
+    def _write_link(
+        self, robot: ET.Element, link: ET.Element, carrier: ET.Element | None
+    ) -> None:
+        name = attribute(link, "name")
+        written = ET.SubElement(robot, "link", name=name)
+        X_UM = _inverse(self._link_frame(name))
+        inertial = link.find("inertial")
+        self._write_inertial(written, inertial, link, X_UM)
+        for shape in link:
+            if shape.tag in ("visual", "collision"):
+                X_US = X_UM @ self._placed(shape, name)
+                self._write_shape(written, shape, X_US)
+        gazebo = ET.Element("gazebo", reference=name)
+        is_ball = carrier is not None and attribute(carrier, "type") == "ball"
+        mu = "0" if is_ball else self._friction(link)
+        if mu:
+            ET.SubElement(gazebo, "mu1").text = mu
+        for child in link:
+            if child.tag in ("sensor", "plugin"):
+                copied = copy.deepcopy(child)
+                if child.tag == "sensor":
+                    self._place_sensor(copied, X_UM @ self._placed(child, name))
+                gazebo.append(copied)
+            elif child.tag not in _OF_LINKS and not _is_usual(child):
+                gazebo.append(copy.deepcopy(child))
+        if len(gazebo):
+            robot.append(gazebo)
+
+    def _write_inertial(
+        self,
+        written: ET.Element,
+        inertial: ET.Element | None,
+        link: ET.Element,
+        X_UM: Array,
+    ) -> None:
+        """Write mass and inertia; what isn't said is 1 kg and 1 kg·m^2, as in SDF."""
+        X = X_UM @ self._frame(attribute(link, "name"))
+        moments = {"ixx": "1", "iyy": "1", "izz": "1", "ixy": "0", "ixz": "0"}
+        moments["iyz"] = "0"
+        mass = "1"
+        if inertial is not None:
+            X = X_UM @ self._placed(inertial, attribute(link, "name"))
+            mass = text_of(inertial, "mass") or mass
+            moments |= {
+                key: text
+                for key in moments
+                if (text := text_of(inertial, f"inertia/{key}"))
+            }
+        part = ET.SubElement(written, "inertial")
+        _write_origin(part, X)
+        ET.SubElement(part, "mass", value=mass)
+        ET.SubElement(part, "inertia", moments)
+
+    def _write_shape(self, written: ET.Element, shape: ET.Element, X: Array) -> None:
+        geometry = shape.find("geometry")
+        kind = next(iter(geometry), None) if geometry is not None else None
+        if kind is None or kind.tag == "empty":
+            return
+        if kind.tag not in (*_GEOMETRIES, "mesh"):
+            what = f"geometry <{kind.tag}> of {shape.tag} {attribute(shape, 'name')!r}"
+            self._note("warning", "unsupported", what, "it is left out", shape)
+            return
+        part = ET.SubElement(written, shape.tag, name=attribute(shape, "name"))
+        _write_origin(part, X)
+        place = ET.SubElement(part, "geometry")
+        if kind.tag == "mesh":
+            uri, scale = text_of(kind, "uri"), text_of(kind, "scale")
+            path = self.find(uri, self.file.parent)
+            names = {"filename": uri if path is None else str(path)}
+            ET.SubElement(place, "mesh", names | ({"scale": scale} if scale else {}))
+        else:
+            measures = {tag: text_of(kind, tag) for tag in _GEOMETRIES[kind.tag]}
+            ET.SubElement(place, kind.tag, measures)
+        color = text_of(shape, "material/diffuse") or text_of(shape, "material/ambient")
+        if shape.tag == "visual" and color:
+            words = color.split()
+            material = ET.SubElement(part, "material", name=f"color {' '.join(words)}")
+            rgba = " ".join([*words, "1"][:4])
+            ET.SubElement(material, "color", rgba=rgba)
+
+    def _friction(self, link: ET.Element) -> str:
+        """Return the friction of a link: what the first of its shapes states."""
+        path = "collision/surface/friction/ode/mu"
+        return next((text_of(e) for e in link.iterfind(path)), "")
+
+    def _place_sensor(self, sensor: ET.Element, X: Array) -> None:
+        for pose in sensor.findall("pose"):
+            sensor.remove(pose)
+        origin = _origin(X)
+        if any((*origin.xyz, *origin.rpy)):
+            text = _words((*origin.xyz, *origin.rpy))
+            ET.SubElement(sensor, "pose").text = text
+
+    # Joints.
+
+    def _type(self, joint: ET.Element) -> str:
+        """Return the type that a joint has in the URDF."""
+        return _AXES.get(attribute(joint, "type"), "fixed")
+
+    def _write_joint(self, robot: ET.Element, joint: ET.Element) -> None:
+        name, sort = attribute(joint, "name"), attribute(joint, "type")
+        parent, child = text_of(joint, "parent"), text_of(joint, "child")
+        links = [attribute(link, "name") for link in self.model.iterfind("link")]
+        for link in (parent, child):
+            if link not in (*links, WORLD):
+                problem = f"no link {link!r}; {suggest(link, links)}"
+                where = f"joint {name!r}"
+                raise DescriptionError(problem, file=self.file, where=where)
+        if sort not in (*_AXES, "fixed"):
+            done = "the joint is fixed"
+            if sort == "ball":
+                done += ", and its link slides without friction, as a ball rolls"
+            what = f"a joint of type {sort!r}"
+            severity: Severity = "info" if sort == "ball" else "warning"
+            self._note(severity, "unsupported", what, done, joint)
+        written = ET.SubElement(robot, "joint", name=name, type=self._type(joint))
+        X_PC = _inverse(self._link_frame(parent)) @ self._link_frame(child)
+        _write_origin(written, X_PC)
+        ET.SubElement(written, "parent", link=parent)
+        ET.SubElement(written, "child", link=child)
+        if written.get("type") == "fixed":
+            # What fixed joints hold stays a link of its own, in SDF.
+            kept = ET.SubElement(robot, "gazebo", reference=name)
+            ET.SubElement(kept, "preserveFixedJoint").text = "true"
+        else:
+            self._write_axis(written, joint)
+        for sensor in joint.findall("sensor"):
+            gazebo = ET.SubElement(robot, "gazebo", reference=name)
+            gazebo.append(copy.deepcopy(sensor))
+
+    def _write_axis(self, written: ET.Element, joint: ET.Element) -> None:
+        axis = joint.find("axis")
+        xyz = None if axis is None else axis.find("xyz")
+        words = [parse_number(word) for word in text_of(xyz).split()]
+        direction = np.array([0.0, 0.0, 1.0])
+        if len(words) == 3 and None not in words and any(words):
+            direction = np.array(words, dtype=float)
+            direction /= np.linalg.norm(direction)
+        other = "" if xyz is None else attribute(xyz, "expressed_in")
+        is_parents = text_of(axis, "use_parent_model_frame")
+        if not other and (self.has_axes_in_model or parse_bool(is_parents)):
+            other = _MODEL
+        if other:
+            R_MJ = self._frame(attribute(joint, "name"))[:3, :3]
+            direction = R_MJ.T @ self._frame(other)[:3, :3] @ direction
+        ET.SubElement(written, "axis", xyz=_words(np.round(direction, 12) + 0.0))
+        if axis is None:
+            return
+        limits = {
+            key: number
+            for key in ("lower", "upper", "effort", "velocity")
+            if (number := parse_number(text_of(axis, f"limit/{key}"))) is not None
+        }
+        has_range = any(abs(limits.get(k, _NO_LIMIT)) < _NO_LIMIT for k in _RANGE)
+        if written.get("type") == "revolute" and not has_range:
+            written.set("type", "continuous")
+        if written.get("type") == "continuous":
+            limits = {k: v for k, v in limits.items() if k not in _RANGE}
+        # Less than 0 is none, in SDF; so is 0 in a URDF here.
+        limit = {
+            key: _words((value,))
+            for key, value in limits.items()
+            if key in _RANGE or 0.0 <= value < _NO_LIMIT
+        }
+        if limit or written.get("type") != "continuous":
+            limit = {"effort": "0", "velocity": "0"} | limit
+            ET.SubElement(written, "limit", limit)
+        dynamics = {
+            key: text
+            for key in ("damping", "friction")
+            if (text := text_of(axis, f"dynamics/{key}"))
+        }
+        if dynamics:
+            ET.SubElement(written, "dynamics", dynamics)
+        self._write_mimic(written, axis)
+
+    def _write_mimic(self, written: ET.Element, axis: ET.Element) -> None:
+        """Write that a joint follows another: m (leader - reference) + offset."""
+        mimic = axis.find("mimic")
+        if mimic is None:
+            return
+        factor, offset, reference = (
+            parse_number(text_of(mimic, tag)) or 0.0
+            for tag in ("multiplier", "offset", "reference")
+        )
+        ET.SubElement(
+            written,
+            "mimic",
+            joint=attribute(mimic, "joint"),
+            multiplier=_words((factor,)),
+            offset=_words((offset - factor * reference,)),
+        )
+
+
+_RANGE = ("lower", "upper")
+
+
+def _is_usual(child: ET.Element) -> bool:
+    """Return whether an element of a link says what holds without it."""
+    usual = {"gravity": True, "kinematic": False, "self_collide": False}
+    text = {"1": "true", "0": "false"}.get(text_of(child), text_of(child))
+    return child.tag in usual and parse_bool(text) in (usual[child.tag], None)
+
+
+def _rotation_of(quaternion: Array) -> Array:
+    """Return the rotation of a quaternion x, y, z, w, shape (3, 3)."""
+    x, y, z, w = quaternion / (np.linalg.norm(quaternion) or 1.0)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def _write_origin(part: ET.Element, X: Array) -> None:
+    origin = _origin(X)
+    if any((*origin.xyz, *origin.rpy)):
+        xyz, rpy = _words(origin.xyz), _words(origin.rpy)
+        ET.SubElement(part, "origin", xyz=xyz, rpy=rpy)
