@@ -497,7 +497,7 @@ def topic_of(port: str, manager: ControllerManager) -> str:
     own = port.removeprefix("/").removeprefix(manager.prefix)
     for name in (MANAGER, *(c.name for c in manager.controllers)):
         if own.startswith(f"{name}."):
-            return f"/{manager.prefix}{name}/{own[len(name) + 1 :]}"
+            return f"{manager.namespace}/{name}/{own[len(name) + 1 :]}"
     return f"/{manager.prefix}{own.removeprefix('/')}"
 
 
