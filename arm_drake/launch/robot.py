@@ -64,7 +64,9 @@ class Remapping(NamedTuple):
         """Return it as a bridge of the topic has it."""
         source, target = self.source.strip("/"), self.target.strip("/")
         source = source.removeprefix(f"{namespace}/").removeprefix("~/")
-        return TopicAlias(f"/{target}", f"/{source}", "BIDIRECTIONAL", self.file, 1)
+        root = "/" if self.target.startswith("/") else ""
+        names = f"{root}{target}", f"/{source}"
+        return TopicAlias(*names, "BIDIRECTIONAL", self.file, 1)
 
 
 # What holds the files of robots that are in use.
@@ -518,10 +520,14 @@ class RobotParts:
             managers = [
                 m for m in self.managers if self._has(m, description, descriptions)
             ]
+            spaces = [description.namespace]
+            if len(descriptions) == 1:
+                # Its controllers are where their manager is.
+                spaces += [m.namespace for m in managers]
             robot = LaunchedRobot(
                 source=description.source,
                 xacro_args=description.arguments,
-                namespace=description.namespace,
+                namespace=next(filter(None, spaces), ""),
                 frame_prefix=description.frame_prefix,
                 has_manager=bool(managers),
                 controllers=tuple(f for m in managers for f in m.files),
