@@ -118,8 +118,8 @@ def load_robot(
         variables: Values of `$(var NAME)` in the YAML.
         distro: ROS distribution whose controllers to follow.
         name: Name of the robot; by default the description's.
-        namespace: That of its controller manager, for YAML files that robots share;
-            by default the one in the Gazebo plugin tag, if any.
+        namespace: That of its nodes, in YAML files that robots share and in front of
+            its topics where it is alone; by default the one in the Gazebo plugin tag.
         pose: Pose of the base: x, y, z [m], roll, pitch, yaw [rad].
         initial_positions: Initial positions by joint [rad] or [m].
         strict: Whether every line of the load report is an error.

@@ -697,7 +697,7 @@ def add_loading_arguments(parser: argparse.ArgumentParser) -> None:
     add("--srdf", metavar="FILE", action="append", help=text)
     add("--distro", default="jazzy", help="ROS distribution (jazzy)")
     add("--name", help="name of the robot")
-    text = "name space of its controller manager, where robots share a YAML"
+    text = "name space of its controller manager, and so of its topics"
     add("--namespace", metavar="NAME", help=text)
 
 

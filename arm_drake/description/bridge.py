@@ -75,7 +75,8 @@ _LEFT_OUT = "the entry is left out"
 class TopicAlias:
     """A topic of ROS that a bridge connects with one of Gazebo."""
 
-    # Full names, with a slash in front.
+    # Full names, with a slash in front; in ROS one without is in the name space of the
+    # robot's nodes.
     ros_name: str
     gz_name: str
 

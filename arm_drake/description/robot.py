@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from arm_drake.description.bridge import TopicAlias
 from arm_drake.description.controllers import ControllerManagerConfig
+from arm_drake.description.gazebo_plugins import Ros2ControlPlugin
 from arm_drake.description.joints import FREE_TYPES, links_on
 from arm_drake.description.packages import package_name
 from arm_drake.description.report import LoadReport
@@ -144,6 +145,18 @@ class Robot:
         """What it is called where there is room for one name: as it was asked for."""
         is_renamed = self.name != self.description.name
         return self.name if is_renamed or self.bundled is None else self.bundled
+
+    @property
+    def namespace(self) -> str:
+        """Name space of its nodes where it is alone: "", or such as "/cell".
+
+        It is that of its controller manager: what it was loaded with, else what its
+        Gazebo plugin says.
+        """
+        plugins = self.description.joint_plugins
+        tags = (p.namespace for p in plugins if isinstance(p, Ros2ControlPlugin))
+        named = self.load_options.get("namespace") or next(filter(None, tags), "")
+        return "".join(f"/{part}" for part in named.split("/") if part)
 
     @functools.cached_property
     def portable_source(self) -> str:

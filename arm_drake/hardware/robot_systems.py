@@ -10,7 +10,6 @@ from arm_drake import interfaces
 from arm_drake.control.drive_commands import DriveCommands
 from arm_drake.control.generic_system import GenericSystem
 from arm_drake.controllers.controller_interface import ControllerInterface
-from arm_drake.description.gazebo_plugins import Ros2ControlPlugin
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
 from arm_drake.hardware.drives import make_command_limits
@@ -86,15 +85,11 @@ class RobotSystems:
 
     @property
     def namespace(self) -> str:
-        """Namespace of the robot's nodes.
+        """Name space of the robot's nodes: with several robots it is the robot's name.
 
-        With several robots it is the robot's name, or else that of the Gazebo plugin.
+        What ROS has relative to it stands in it: nodes, topics, services, actions.
         """
-        if self.prefix:
-            return f"/{self.robot.name}"
-        plugins = self.robot.description.joint_plugins
-        named = (p.namespace for p in plugins if isinstance(p, Ros2ControlPlugin))
-        return next(filter(None, named), "")
+        return f"/{self.robot.name}" if self.prefix else self.robot.namespace
 
     @property
     def log_period(self) -> float:

@@ -65,7 +65,9 @@ class Remapping(NamedTuple):
         """Return it as a bridge of the topic has it."""
         source, target = self.source.strip("/"), self.target.strip("/")
         source = source.removeprefix(f"{namespace}/").removeprefix("~/")
-        return TopicAlias(f"/{target}", f"/{source}", "BIDIRECTIONAL", self.file, 1)
+        root = "/" if self.target.startswith("/") else ""
+        names = f"{root}{target}", f"/{source}"
+        return TopicAlias(*names, "BIDIRECTIONAL", self.file, 1)
 
 
 # What holds the files of robots that are in use.
@@ -579,10 +581,14 @@ class RobotParts:
             managers = [
                 m for m in self.managers if self._has(m, description, descriptions)
             ]
+            spaces = [description.namespace]
+            if len(descriptions) == 1:
+                # Its controllers are where their manager is.
+                spaces += [m.namespace for m in managers]
             robot = LaunchedRobot(
                 source=description.source,
                 xacro_args=description.arguments,
-                namespace=description.namespace,
+                namespace=next(filter(None, spaces), ""),
                 frame_prefix=description.frame_prefix,
                 ends_on_words=description.ends_on_words,
                 has_manager=bool(managers),

@@ -377,8 +377,8 @@ class ControllerManager(PythonSystem):
         self.report = report
         self.controllers = tuple(controllers)
         self.sensors: tuple[Any, ...] = ()  # Its cameras and lidars, beside it.
-        # Start of the names of the robot's ports and systems.
-        self.prefix = prefix
+        # Start of the names of its ports and systems; name space of its nodes in ROS.
+        self.prefix, self.namespace = prefix, hardware_interfaces.namespace
         # Periods of the manager, and of the log of joints' states, in Drake's time [s].
         self.period = period
         self.log_period = log_period

@@ -205,7 +205,9 @@ def goal_messages(
     prefix, sent_ns = rollout.namespace, round(goal.sent_at * NANOSECONDS)
     trajectory = goal.goal.get("trajectory")
     if is_new and trajectory:
-        topic = f"/{goal.controller}/follow_joint_trajectory/trajectory"
+        # Among several robots the controller's name has that of its robot.
+        root = rollout.namespace if rollout.has_own_namespace else ""
+        topic = f"{root}/{goal.controller}/follow_joint_trajectory/trajectory"
         type_ = "trajectory_msgs/msg/JointTrajectory"
         yield BagMessage(topic, type_, sent_ns, trajectory)
     time_ns = sent_ns
@@ -243,6 +245,11 @@ def fixed_frames(
         if root not in rollout.free_poses
     ]
     return found
+
+
+def _frames_of(rollout: Rollout) -> str:
+    """Return the name space of a robot's frames: its name if there are several."""
+    return "" if rollout.has_own_namespace else rollout.namespace
 
 
 def make_tf(
@@ -359,7 +366,7 @@ class RobotTopics:
                 return
             fixed = fixed_frames(rollout, self._transforms)
             if fixed:
-                yield make_tf("/tf_static", fixed, time_ns, rollout.namespace)
+                yield make_tf("/tf_static", fixed, time_ns, _frames_of(rollout))
 
     def _topic_messages(self, rollout: Rollout) -> Iterator[BagMessage]:
         known = [m for m in rollout.messages if m.time == self._sent_at]
@@ -424,7 +431,7 @@ class RobotTopics:
             parts = [(parent, child, poses[index]) for parent, child, poses in frames]
             parts = [part for part in parts if np.all(np.isfinite(part[2]))]
             if parts:
-                yield make_tf("/tf", parts, int(times[row]), rollout.namespace)
+                yield make_tf("/tf", parts, int(times[row]), _frames_of(rollout))
 
 
 _CLOCK_TYPE = "rosgraph_msgs/msg/Clock"

@@ -153,9 +153,13 @@ class Rollout:
     # What each controller wanted, by its name.
     references: Mapping[str, Reference]
 
-    # Name of the robot, and what its topics' names start with: "" or "/<robot>".
+    # Name of the robot, and what its topics' names start with: "" or a name space such
+    # as "/cell", with several robots "/<robot>".
     robot_name: str = ""
     namespace: str = ""
+
+    # Whether that is a name space of a robot alone, which isn't in front of its frames.
+    has_own_namespace: bool = False
 
     # Command interfaces "<joint>/<interface>", C of them, and what they held until the
     # row's tick, shape (N, C), each in the unit of its interface; NaN where nothing was
@@ -432,6 +436,7 @@ _VERSION = 1
 STATIC_FIELDS = (
     "robot_name",
     "namespace",
+    "has_own_namespace",
     "joint_names",
     "joint_types",
     "command_names",
@@ -465,6 +470,7 @@ def make_static(rollout: Rollout, *, is_whole: bool = True) -> str:
                 "version": _VERSION,
                 "robot_name": rollout.robot_name,
                 "namespace": rollout.namespace,
+                **({"has_own_namespace": True} if rollout.has_own_namespace else {}),
                 "joint_names": rollout.joint_names,
                 "joint_types": rollout.joint_types,
                 "effort_limit": rollout.effort_limit.tolist(),
@@ -500,6 +506,7 @@ def read_static(text: str) -> dict[str, Any]:
     goals, messages = data.get("goals", ()), data.get("messages", ())
     data["goals"] = tuple(GoalRecord(**goal) for goal in goals)
     data["messages"] = tuple(SentMessage(**message) for message in messages)
+    data.setdefault("has_own_namespace", False)
     inputs = data.get("inputs", ())
     data["inputs"] = tuple(ClientInput(**each) for each in inputs)
     data["effort_limit"] = [float(limit) for limit in data["effort_limit"]]

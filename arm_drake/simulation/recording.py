@@ -90,7 +90,8 @@ def read_rollout(
         joint_types=tuple(joint.type for joint in joints),
         references=_references(manager, commanded, of_all=math.isfinite(since)),
         robot_name=manager.robot.name,
-        namespace=f"/{manager.prefix}".rstrip("/"),
+        namespace=manager.namespace,
+        has_own_namespace=bool(manager.namespace) and not manager.prefix,
         command_names=tuple(manager.commands),
         command=commanded.values,
         controllers={c.name: c.type for c in manager.controllers},
@@ -497,7 +498,7 @@ def topic_of(port: str, manager: ControllerManager) -> str:
     own = port.removeprefix("/").removeprefix(manager.prefix)
     for name in (MANAGER, *(c.name for c in manager.controllers)):
         if own.startswith(f"{name}."):
-            return f"/{manager.prefix}{name}/{own[len(name) + 1 :]}"
+            return f"{manager.namespace}/{name}/{own[len(name) + 1 :]}"
     return f"/{manager.prefix}{own.removeprefix('/')}"
 
 

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 from arm_drake import interfaces
@@ -326,7 +326,8 @@ class TopicNames:
 
     A name is `/<controller>/<topic>`, or that of a port which starts with a slash, or
     one that a bridge of the robot gives. With several robots `/<robot>` stands in
-    front; what only one of them has is found without it, too.
+    front; what only one of them has is found without it, too. So it is with the name
+    space of a robot alone, which stands in front of what doesn't start with a slash.
     """
 
     def __init__(self, managers: Mapping[str, ControllerManager]) -> None:
@@ -363,6 +364,8 @@ class _RobotTopics:
     def __init__(self, manager: ControllerManager) -> None:
         self._manager = manager
         self._root = f"/{manager.prefix}"
+        # Where its nodes are below that: in the name space of a robot alone.
+        self._space = manager.namespace.removeprefix(self._root.rstrip("/"))
         self._topics: dict[str, Topic] = {}
         # Further names of topics.
         self._same: dict[str, str] = {}
@@ -379,11 +382,13 @@ class _RobotTopics:
                     self._topics[_key(topic.name)] = topic._replace(outputs=new)
         self._aliases: dict[str, list[TopicAlias]] = {}
         for alias in manager.robot.topic_aliases:
-            self._aliases.setdefault(_key(alias.ros_name), []).append(alias)
+            is_full = alias.ros_name.startswith("/")
+            name = alias.ros_name if is_full else f"{self._space}/{alias.ros_name}"
+            self._aliases.setdefault(_key(name), []).append(alias)
 
     def find(self, key: str) -> Iterator[Topic]:
         """Yield the topic of a name, if there is one."""
-        for own in dict.fromkeys((key, self._without_prefix(key))):
+        for own in self._names(key):
             topic = self._find(own)
             if topic is not None:
                 yield topic._replace(name=self._root + topic.name[1:])
@@ -396,7 +401,10 @@ class _RobotTopics:
 
     def explain(self, key: str) -> None:
         """Raise InputError if a name is known and none of a topic."""
-        own = self._without_prefix(key)
+        for own in self._names(key):
+            self._explain(key, own)
+
+    def _explain(self, key: str, own: str) -> None:
         if own in self._aliases:
             alias = self._aliases[own][0]
             raise InputError(
@@ -414,7 +422,7 @@ class _RobotTopics:
                     f"{key!r} is an action, not a topic; "
                     f"sim.controller({controller!r}).send_goal sends to it"
                 )
-        node, _, service = own[1:].rpartition("/")
+        node, _, service = own.removeprefix(self._space)[1:].rpartition("/")
         names = [system.params.controller_name for system in self._systems()]
         call = ""
         if node == MANAGER and service in _MANAGER_SERVICES:
@@ -424,10 +432,11 @@ class _RobotTopics:
         if call:
             raise InputError(f"{key!r} is a service, not a topic; {call} calls it")
 
-    def _without_prefix(self, name: str) -> str:
-        """Return a name without that of the robot in front."""
-        is_below = len(self._root) > 1 and name.startswith(self._root)
-        return f"/{name[len(self._root) :]}" if is_below else name
+    def _names(self, key: str) -> Iterable[str]:
+        """Return what may be meant: without the robot's name, in its name space."""
+        is_below = len(self._root) > 1 and key.startswith(self._root)
+        own = f"/{key[len(self._root) :]}" if is_below else key
+        return dict.fromkeys((key, own, f"{self._space}{own}"))
 
     def _systems(self) -> list[ControllerInterface]:
         systems = [controller.system for controller in self._manager.controllers]
@@ -436,23 +445,24 @@ class _RobotTopics:
     def _add(self, system: ControllerInterface) -> None:
         """Add the topics of a controller."""
         name = system.params.controller_name
+        node = f"{self._space}/{name}"
         for index in range(system.num_input_ports()):
             port = system.get_input_port(index).get_name()
             if not exported_name(port, name):
                 continue
             if port in ACTIONS or message_type(system, port) is ActionRequest:
-                self._actions[f"/{name}/{port}"] = f"{self._manager.prefix}{name}"
+                self._actions[f"{node}/{port}"] = f"{self._manager.prefix}{name}"
                 continue
-            topic = self._topic(_own_name(port, name))
+            topic = self._topic(_own_name(port, node))
             new = (*topic.inputs, TopicPort(self._manager, system, port))
             self._topics[_key(topic.name)] = topic._replace(inputs=new)
         for index in range(system.num_output_ports()):
             port = system.get_output_port(index).get_name()
             if not exported_name(port, name) or port == _EVENTS:
                 continue
-            own = _own_name(port, name)
+            own = _own_name(port, node)
             if isinstance(system, JointStateBroadcaster) and not self._is_local(name):
-                self._same[own] = own = f"/{port}"
+                self._same[own] = own = f"{self._space}/{port}"
             for each in (own, _TF) if f"/{port}" == _TF else (own,):
                 topic = self._topic(each)
                 new = (*topic.outputs, TopicPort(self._manager, system, port))
@@ -477,9 +487,9 @@ class _RobotTopics:
         if len(ports) == 1:
             return Topic(own, inputs=ports)
         pairs = [
-            (alias, self._topics[_key(alias.gz_name)])
+            (alias, topic)
             for alias in self._aliases.get(own, ())
-            if _key(alias.gz_name) in self._topics
+            for topic in self._bridged(alias)
         ]
         if not pairs:
             return None
@@ -489,6 +499,14 @@ class _RobotTopics:
             tuple(p for alias, t in pairs if alias.is_to_ros for p in t.outputs),
             tuple(alias for alias, _ in pairs),
         )
+
+    def _bridged(self, alias: TopicAlias) -> Iterator[Topic]:
+        """Yield the topic that a bridge connects; a launch file's may be relative."""
+        name = _key(alias.gz_name)
+        for own in dict.fromkeys((name, f"{self._space}{name}")):
+            if own in self._topics:
+                yield self._topics[own]
+                return
 
     def _virtual_ports(self, own: str) -> tuple[TopicPort, ...]:
         virtual = VIRTUAL_TOPICS.get(own)
@@ -506,8 +524,8 @@ def _key(name: str) -> str:
     return _AXIS.sub(r"\1\2", "/" + name.strip("/"))
 
 
-def _own_name(port: str, controller: str) -> str:
-    return port if port.startswith("/") else f"/{controller}/{port}"
+def _own_name(port: str, node: str) -> str:
+    return port if port.startswith("/") else f"{node}/{port}"
 
 
 def message_type(system: ControllerInterface, port: str) -> type[Message] | None:

@@ -438,10 +438,8 @@ class Graph:
         if isinstance(source.system, ControllerInterface):
             look = source.system.find_look(source.port)
             if look is not None:
-                cycle, topic.convert = (
-                    self._cycle_of(source),
-                    _OncePerStamp(topic.convert),
-                )
+                cycle = self._cycle_of(source)
+                topic.convert = _OncePerStamp(topic.convert)
                 topic.read = lambda context: (look(context), cycle.read(context))
         return True
 
@@ -492,7 +490,7 @@ def _complete(
 
 
 def _node_of(port: TopicPort) -> str:
-    return f"/{port.controller}"
+    return f"{port.manager.namespace}/{port.system.params.controller_name}"
 
 
 def _clock() -> Topic:
@@ -561,7 +559,7 @@ def _activity(manager: ControllerManager) -> Topic:
             "hardware_components": hardware,
         }
 
-    node = f"/{manager.prefix}{MANAGER}"
+    node = f"{manager.namespace}/{MANAGER}"
     return Topic(
         f"{node}/activity",
         "controller_manager_msgs/msg/ControllerManagerActivity",
@@ -579,7 +577,7 @@ def _contacts(simulation: Simulation, manager: ControllerManager) -> Iterator[To
     if not simulation.diagram.HasSubsystemNamed(name):
         return
     sample = simulation.diagram.GetSubsystemByName(name)
-    port, namespace = sample.get_output_port(), f"/{manager.prefix}".rstrip("/")
+    port = sample.get_output_port()
 
     def read(root: Context) -> Any:
         forces = port.Eval(sample.GetMyContextFromRoot(root))
@@ -589,7 +587,7 @@ def _contacts(simulation: Simulation, manager: ControllerManager) -> Iterator[To
         if link != WORLD:
             at = slice(3 * index, 3 * index + 3)
             yield Topic(
-                contact_topic(namespace, link),
+                contact_topic(manager.namespace, link),
                 "geometry_msgs/msg/WrenchStamped",
                 publisher=SIMULATOR,
                 read=read,
@@ -611,7 +609,8 @@ def _robot_topics(
     simulation: Simulation, manager: ControllerManager, known: Mapping[str, Topic]
 ) -> Iterator[Topic]:
     """Yield what robot_state_publisher tells of a robot, and its joints."""
-    robot, namespace = manager.robot, f"/{manager.prefix}".rstrip("/")
+    robot, namespace = manager.robot, manager.namespace
+    root = f"/{manager.prefix}".rstrip("/")  # tf2 listens there, wherever its node is.
     node = f"{namespace}/robot_state_publisher"
     yield Topic(
         f"{namespace}{DESCRIPTION}",
@@ -623,7 +622,7 @@ def _robot_topics(
     yield from _contacts(simulation, manager)
     frames = RobotFrames(simulation, manager)
     yield Topic(
-        f"{namespace}{TF}",
+        f"{root}{TF}",
         "tf2_msgs/msg/TFMessage",
         publisher=node,
         read=frames.read,
@@ -631,7 +630,7 @@ def _robot_topics(
         period=1.0 / _TF_RATE,
     )
     yield Topic(
-        f"{namespace}{TF_STATIC}",
+        f"{root}{TF_STATIC}",
         "tf2_msgs/msg/TFMessage",
         publisher=node,
         qos=LATCHED,
@@ -784,8 +783,9 @@ def _find_actions(manager: ControllerManager) -> Iterator[Action]:
             if kind not in _ACTION_TYPES:
                 kind = ACTIONS.get(port, (FollowJointTrajectoryGoal,))[0]
             name = f"{manager.prefix}{controller.name}"
-            own = port if port.startswith("/") else f"/{name}/{port}"
-            yield Action(own, _ACTION_TYPES[kind], name, kind, f"/{name}")
+            node = f"{manager.namespace}/{controller.name}"
+            own = port if port.startswith("/") else f"{node}/{port}"
+            yield Action(own, _ACTION_TYPES[kind], name, kind, node)
 
 
 def _action_ports(system: ControllerInterface) -> list[str]:

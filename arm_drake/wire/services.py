@@ -104,7 +104,7 @@ class _ManagerServices:
 
     def __init__(self, host: Host, manager: ControllerManager) -> None:
         self._host, self._manager = host, manager
-        self._node = f"/{manager.prefix}{MANAGER}"
+        self._node = f"{manager.namespace}/{MANAGER}"
 
     def services(self) -> Iterator[Service]:
         """Yield them."""
@@ -376,30 +376,31 @@ def _controller_services(
     """Yield the services of single controllers."""
     for controller in manager.controllers:
         system, name = controller.system, f"{manager.prefix}{controller.name}"
+        node = f"{manager.namespace}/{controller.name}"
         if system is None:
             continue
         if hasattr(system, "query_state"):
             call = functools.partial(_query_state, simulation, name)
             path, type_ = (
-                f"/{name}/query_state",
+                f"{node}/query_state",
                 "control_msgs/srv/QueryTrajectoryState",
             )
-            yield Service(path, type_, f"/{name}", call)
+            yield Service(path, type_, node, call)
         if system.HasInputPort("set_odometry"):
             call = functools.partial(_set_odometry, simulation, name)
-            path, type_ = f"/{name}/set_odometry", "control_msgs/srv/SetOdometry"
-            yield Service(path, type_, f"/{name}", call, acts=True)
+            path, type_ = f"{node}/set_odometry", "control_msgs/srv/SetOdometry"
+            yield Service(path, type_, node, call, acts=True)
         if system.HasInputPort("reset_odometry"):
             call = functools.partial(_reset_odometry, simulation, name)
-            path, type_ = f"/{name}/reset_odometry", "std_srvs/srv/Empty"
-            yield Service(path, type_, f"/{name}", call, acts=True)
+            path, type_ = f"{node}/reset_odometry", "std_srvs/srv/Empty"
+            yield Service(path, type_, node, call, acts=True)
         distro = manager.robot.distro
         if controller.type == "pid_controller/PidController" and (
             distro in _WITH_FEEDFORWARD
         ):
             call = functools.partial(_set_feedforward, simulation, name)
-            path, type_ = f"/{name}/set_feedforward_control", "std_srvs/srv/SetBool"
-            yield Service(path, type_, f"/{name}", call, acts=True)
+            path, type_ = f"{node}/set_feedforward_control", "std_srvs/srv/SetBool"
+            yield Service(path, type_, node, call, acts=True)
 
 
 def _task_space_services(
@@ -464,20 +465,20 @@ class Parameters:
         """Create it."""
         self._simulation = simulation
         self.nodes: dict[str, str] = {}
+        self._managers: dict[str, ControllerManager] = {}
         for manager in simulation.directory.managers.values():
-            self.nodes[f"/{manager.prefix}{MANAGER}"] = ""
+            node = f"{manager.namespace}/{MANAGER}"
+            self.nodes[node], self._managers[node] = "", manager
             for controller in manager.controllers:
                 if controller.system is not None:
                     name = f"{manager.prefix}{controller.name}"
-                    self.nodes[f"/{name}"] = name
+                    self.nodes[f"{manager.namespace}/{controller.name}"] = name
 
     def values(self, node: str) -> Fields:
         """Return the values of a node's parameters by name; None is not set."""
         controller = self.nodes[node]
         if not controller:
-            robot = node[1:].removesuffix(MANAGER).rstrip("/") or None
-            manager = self._simulation.directory.manager(robot)
-            rate = round(1.0 / manager.period)
+            rate = round(1.0 / self._managers[node].period)
             return {"update_rate": rate, "use_sim_time": True}
         manager, _, system = self._simulation.directory.find(controller)
         context = system.GetMyContextFromRoot(self._simulation.context)

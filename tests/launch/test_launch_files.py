@@ -346,6 +346,30 @@ def test_groups_have_names_spaces_and_configurations_of_their_own(
     assert "prefix is outer_" in str(plan.report)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("description", ["", "namespace='/cell'"])
+def test_alone_a_robot_has_the_name_space_of_its_manager(
+    package: Path, description: str
+) -> None:
+    path = describe(
+        package,
+        f"""
+        publisher({description}),
+        manager(namespace="cell", remappings=[
+            ("/cell/forward/commands", "relative"), ("~/robot_description", "/d"),
+            ("/cell/arm_controller/joint_trajectory", "/absolute"),
+        ]),
+        spawner("forward", "-c", "/cell/controller_manager"),
+        """,
+    )
+
+    sim = ad.Simulation(ad.load_launch(path).build_diagram())
+
+    found = {row.name for row in sim.list_topics()}
+    assert {"/cell/forward/commands", "/cell/relative", "/absolute"} <= found
+    assert not found & {"/forward/commands", "/relative", "/cell/absolute"}
+
+
 def test_a_timer_has_the_name_space_and_the_configurations_of_its_group(
     package: Path,
 ) -> None:

@@ -19,6 +19,7 @@ import arm_drake as ad
 from arm_drake.description.entry import bundled_motions, bundled_robots
 from arm_drake.rollout.bag import CONTACTS, contact_topic
 from arm_drake.rollout.link_poses import multiply, read_transforms, rotate
+from tests import models
 from tests.carts import cart, diff_drive
 from tests.carts import load as load_cart
 
@@ -298,6 +299,42 @@ def test_several_robots_have_namespaces(tmp_path: Path) -> None:
     assert (again.robot_name, again.namespace) == ("b", "/b")
     with pytest.raises(ad.ArmDrakeError, match="no robot 'c'; known: b"):
         ad.Rollout.load(tmp_path / "b.mcap", "c")
+
+
+def test_alone_a_robot_has_its_name_space(tmp_path: Path) -> None:
+    controllers = models.trajectory_controllers(
+        {"joint_trajectory_controller": ["shoulder"]}
+    )
+    robot = models.load(tmp_path, models.TWO_LINKS, controllers, namespace="tg")
+    sim = ad.Simulation(ad.build_diagram(robot))
+    point = ad.JointTrajectoryPoint([0.2], time_from_start=0.1)
+    goal = ad.JointTrajectory(joint_names=["shoulder"], points=[point])
+    sim.controller("joint_trajectory_controller").send_goal(goal)
+    sim.advance_to(0.05)
+    rollout = sim.rollout()
+    rollout.save(tmp_path / "a.mcap")
+
+    topics = read(tmp_path / "a.mcap")
+
+    jtc = "/tg/joint_trajectory_controller"
+    assert set(topics) == {
+        *("/clock", "/rosout", "/tf", "/tf_static"),
+        *("/tg/joint_states", "/tg/robot_description"),
+        *(f"{jtc}/controller_state", f"{jtc}/follow_joint_trajectory/trajectory"),
+        *(f"/tg/arm_drake/{each}" for each in ("rollout", "goals")),
+        *("/tg/arm_drake/active_controllers", "/tg/arm_drake/command_interfaces"),
+    }
+    # A name space doesn't reach frames: robot_state_publisher has a prefix for them.
+    frames = {t.child_frame_id for _, m in topics["/tf"] for t in m.transforms}
+    assert frames == {"upper", "lower"}
+    again = ad.Rollout.load(tmp_path / "a.mcap")
+    again.save(tmp_path / "b.mcap")
+    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+    rollout.save(tmp_path / "a.npz")
+    for each in (again, ad.Rollout.load(tmp_path / "a.npz")):
+        assert each.namespace == "/tg"
+        np.testing.assert_array_equal(each.position, rollout.position)
+        assert each.goals[0].controller == "joint_trajectory_controller"
 
 
 @pytest.mark.slow

@@ -195,7 +195,12 @@ PLUGIN = """
 
 
 def cart(
-    folder: Path, name: str = "cart", *, plugin: str = "", prefix: str = ""
+    folder: Path,
+    name: str = "cart",
+    *,
+    plugin: str = "",
+    prefix: str = "",
+    **options: str | None,
 ) -> ad.Robot:
     """Return a robot of two wheels; commands are mirrored, so it needs no ground."""
     control = models.ros2_control("left", "right", command="velocity")
@@ -215,7 +220,7 @@ def cart(
     folder = folder / name
     folder.mkdir()
     text = YAML.replace("{prefix}", prefix)
-    return models.load(folder, urdf, text, name=name)
+    return models.load(folder, urdf, text, name=name, **options)
 
 
 def frames(*robots: ad.Robot) -> dict[str, tuple[str, str]]:
@@ -238,6 +243,26 @@ def test_alone_the_namespace_is_that_of_the_gazebo_plugin(tmp_path: Path) -> Non
     assert frames(cart(tmp_path, "named", plugin=PLUGIN)) == {
         "named": ("fleet/cart7/odom", "fleet/cart7/base_link")
     }
+
+
+@pytest.mark.parametrize(
+    ("namespace", "found"),
+    [
+        (None, "/fleet/cart7"),
+        ("", "/fleet/cart7"),
+        ("hall/b", "/hall/b"),
+        ("/hall//b/", "/hall/b"),
+        ("/", ""),
+    ],
+)
+def test_alone_a_namespace_that_is_given_comes_before_that_of_the_plugin(
+    tmp_path: Path, namespace: str | None, found: str
+) -> None:
+    robot = cart(tmp_path, plugin=PLUGIN, namespace=namespace)
+
+    assert robot.namespace == found
+    start = f"{found[1:]}/" if found else ""
+    assert frames(robot) == {"cart": (f"{start}odom", f"{start}base_link")}
 
 
 def test_several_of_a_kind_have_frames_of_their_own(tmp_path: Path) -> None:

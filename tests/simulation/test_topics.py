@@ -188,6 +188,66 @@ def test_a_topic_has_the_name_that_it_has_in_ros(sim, inputs, name):
     assert sim.topic(inputs).name == name
 
 
+@pytest.mark.parametrize(
+    ("inputs", "name"),
+    [
+        ("/tg/arm/joint_trajectory", "/tg/arm/joint_trajectory"),
+        ("arm/joint_trajectory", "/tg/arm/joint_trajectory"),
+        ("/tg/joint_states", "/tg/joint_states"),
+        ("joint_states", "/tg/joint_states"),
+        ("/tg/jsb/joint_states", "/tg/joint_states"),
+        ("jsb/joint_states", "/tg/joint_states"),
+        # What begins with a slash at its controller, as in Gazebo, is its whole name.
+        (SHOULDER, SHOULDER),
+    ],
+)
+def test_alone_a_robot_has_the_name_space_of_its_nodes(tmp_path, inputs, name):
+    sim = simulate(tmp_path, namespace="tg")
+
+    assert sim.topic(inputs).name == name
+    assert name in [row.name for row in sim.list_topics()]
+
+
+def test_a_name_space_is_in_front_of_no_name_of_ours(tmp_path):
+    sim = simulate(tmp_path, namespace="tg")
+    sim.controller("arm").send_goal(trajectory(0.3))
+    sim.topic("group/commands").publish(Float64MultiArray([0.5]))
+    sim.topic(SHOULDER).publish(Float64(1.0))
+
+    assert [h.topic for h in heard(sim)] == [SHOULDER]
+    assert sim.list_controllers()[0].name == "arm"
+    assert [goal.controller for goal in sim.rollout().goals] == ["arm"]
+    topics = [message.topic for message in sim.rollout().messages]
+    assert topics == ["/tg/group/commands", SHOULDER]
+
+
+@pytest.mark.parametrize("space", ["", "/tg"])
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        (
+            "/arm/follow_joint_trajectory",
+            "is an action, not a topic; sim.controller('arm').send_goal sends to it",
+        ),
+        (
+            "/controller_manager/list_controllers",
+            "is a service, not a topic; sim.list_controllers calls it",
+        ),
+        (
+            "/arm/query_state",
+            "is a service, not a topic; sim.controller('arm').query_state calls it",
+        ),
+    ],
+)
+def test_in_a_name_space_it_is_said_what_is_no_topic(tmp_path, space, name, reason):
+    sim = simulate(tmp_path, namespace="tg")
+
+    with pytest.raises(InputError) as error:
+        sim.topic(f"{space}{name}")
+
+    assert str(error.value) == f"{space + name!r} {reason}"
+
+
 def test_the_list_of_topics_has_names_types_and_directions(sim):
     topics = sim.list_topics()
 

@@ -17,13 +17,16 @@ from arm_drake.messages import (
     JointTrajectory,
     JointTrajectoryPoint,
 )
+from arm_drake.rollout.rollout import ClientInput
 from arm_drake.simulation.topics import TopicNames
-from arm_drake.wire.graph import Topic
-from arm_drake.wire.server import RosServer
+from arm_drake.wire.graph import SIMULATOR, Call, Graph, Topic
+from arm_drake.wire.server import RosServer, run
 from arm_drake.wire.types import to_fields
+from tests import models
 from tests.carts import cart, diff_drive
 from tests.carts import load as load_cart
 from tests.perception.test_lidar import load_two as load_two_lidars
+from tests.rollouts.test_several_robots import cart as plain_cart
 from tests.wire.served import simulation
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -203,3 +206,163 @@ def test_contact_forces_are_topics_where_they_are_logged(tmp_path: Path) -> None
     held = sum(m["wrench"]["force"]["z"] for m in messages if m is not None)
     # It neither rises nor sinks: 6.2 kg.
     assert held == pytest.approx(6.2 * 9.81, abs=6.2e-3)
+
+
+PLUGIN = """
+  <gazebo><plugin filename="libgazebo_ros2_control.so" name="control">
+    <ros><namespace>/tg</namespace></ros></plugin></gazebo>"""
+STATES = """
+  <gazebo><plugin filename="libgazebo_ros_joint_state_publisher.so" name="states">
+    <ros><namespace>tg</namespace><remapping>joint_states:=seen</remapping></ros>
+    <joint_name>elbow</joint_name></plugin></gazebo>"""
+
+CONTROLLERS = """
+controller_manager:
+  ros__parameters:
+    joint_trajectory_controller:
+      type: joint_trajectory_controller/JointTrajectoryController
+    BROADCASTER
+joint_trajectory_controller:
+  ros__parameters:
+    joints: [shoulder]
+    command_interfaces: [position]
+    state_interfaces: [position]
+"""
+
+
+BROADCASTER = """
+    joint_state_broadcaster: {type: joint_state_broadcaster/JointStateBroadcaster}"""
+
+
+def graph_of(
+    folder: Path, *blocks: str, broadcaster: str = BROADCASTER, **more: Any
+) -> Graph:
+    """Return the graph of an arm with these blocks in its description."""
+    controllers = CONTROLLERS.replace("BROADCASTER", broadcaster)
+    urdf = models.TWO_LINKS.replace("</robot>", "".join(blocks) + "</robot>")
+    robot = models.load(folder, urdf, controllers, **more)
+    options = ad.SimulationOptions(log_contacts=True)
+    diagram = ad.build_diagram(robot, options=options)
+    return RosServer(ad.Simulation(diagram), ()).graph
+
+
+@pytest.mark.parametrize("broadcaster", [BROADCASTER, ""])
+@pytest.mark.parametrize("is_tag", [True, False])
+def test_alone_a_robot_has_its_name_space_in_front(
+    tmp_path: Path, is_tag: bool, broadcaster: str
+) -> None:
+    more = {} if is_tag else {"namespace": "tg"}
+    for name in ("named", "plain"):
+        (tmp_path / name).mkdir()
+    blocks = (PLUGIN,) if is_tag else ()
+
+    named = graph_of(tmp_path / "named", *blocks, broadcaster=broadcaster, **more)
+
+    plain = graph_of(tmp_path / "plain", broadcaster=broadcaster)
+    # tf2's topics are absolute, and these are of no robot.
+    own = {"/tf", "/tf_static", "/clock", "/rosout"}
+    assert set(named.topics) == own | {f"/tg{n}" for n in set(plain.topics) - own}
+    assert "/tg/joint_states" in named.topics
+    assert "/tg/robot_description" in named.topics
+    assert "/tg/controller_manager/activity" in named.topics
+    assert "/tg/arm_drake/contact_force/upper" in named.topics
+    assert set(named.actions) == {f"/tg{name}" for name in plain.actions}
+    action = "/tg/joint_trajectory_controller/follow_joint_trajectory"
+    assert named.actions[action].node == "/tg/joint_trajectory_controller"
+    # What plans for a hand has the robot's name in front, as in its own package.
+    others = {SIMULATOR, "/two_links/kinematics_server"}
+    nodes = set(plain.nodes()) - others
+    assert nodes == {
+        *("/controller_manager", "/joint_trajectory_controller"),
+        *(["/joint_state_broadcaster"] if broadcaster else []),
+        "/robot_state_publisher",
+    }
+    assert set(named.nodes()) == others | {f"/tg{name}" for name in nodes}
+    of_nodes = {s.name for s in plain.services.values() if s.node in nodes}
+    rest = set(plain.services) - of_nodes
+    assert set(named.services) == rest | {f"/tg{name}" for name in of_nodes}
+    assert "/tg/controller_manager/list_controllers" in named.services
+
+
+def test_frames_and_services_are_of_the_same_robot(tmp_path: Path) -> None:
+    server = RosServer(graph_of(tmp_path, PLUGIN).simulation, ())
+
+    (frame,) = (server.graph.topics["/tf_static"].constant or {})["transforms"]
+    assert frame["child_frame_id"] == "base"
+    listed = call(server, "/tg/controller_manager/list_controllers")["controller"]
+    jtc, jsb = "joint_trajectory_controller", "joint_state_broadcaster"
+    assert {each["name"] for each in listed} == {jtc, jsb}
+    path = "/tg/controller_manager/get_parameters"
+    (rate,) = call(server, path, names=["update_rate"])["values"]
+    assert rate["integer_value"] == 100
+    (joints,) = call(server, f"/tg/{jtc}/get_parameters", names=["joints"])["values"]
+    assert joints["string_array_value"] == ["shoulder"]
+
+
+def call(server: RosServer, name: str, **request: Any) -> dict[str, Any]:
+    """Return the response of a service."""
+    found = server.graph.service(name).call(Call(request, "", lambda answer: None))
+    assert found is not None
+    return found
+
+
+def test_a_base_in_a_name_space_has_its_services_there(tmp_path: Path) -> None:
+    server = RosServer(ad.Simulation(ad.build_diagram(wheels(tmp_path))), ())
+    sim = server.simulation
+
+    call(server, "/tg/drive/set_odometry", x=3.0, y=4.0, yaw=0.0)
+    # Without a command it tells nothing until one is late, after 0.5 s.
+    sim.advance_to(0.8)
+
+    position = sim.topic("/tg/drive/odom").value().pose.pose.position
+    assert (position.x, position.y) == pytest.approx((3.0, 4.0))
+
+
+def wheels(folder: Path, name: str = "cart") -> ad.Robot:
+    return plain_cart(folder, name, namespace="tg", distro="kilted")
+
+
+def test_each_of_several_managers_has_its_own_parameters(tmp_path: Path) -> None:
+    robots = [wheels(tmp_path, name) for name in ("a", "b")]
+    robots[1] = models.at_rate_of(robots[1], 0.02)
+    server = RosServer(ad.Simulation(ad.build_diagram(robots)), ())
+
+    rates = {}
+    for name in ("a", "b"):
+        path = f"/{name}/controller_manager/get_parameters"
+        (value,) = call(server, path, names=["update_rate"])["values"]
+        rates[name] = value["integer_value"]
+
+    assert rates == {"a": 100, "b": 50}
+    assert not any(name.startswith("/tg") for name in server.graph.topics)
+
+
+def test_what_comes_in_by_names_in_a_name_space_reaches_the_robot(
+    tmp_path: Path,
+) -> None:
+    sim = graph_of(tmp_path, PLUGIN).simulation
+    node, joints = "/tg/joint_trajectory_controller", ["shoulder"]
+    later = {"sec": 1, "nanosec": 0}
+    points = [{"positions": [0.5], "time_from_start": later}]
+    data = {"joint_names": joints, "points": points}
+    action, topic = f"{node}/follow_joint_trajectory", f"{node}/joint_trajectory"
+    inputs = [
+        ClientInput(0.0, "publish", topic, "me", data),
+        ClientInput(0.5, "goal", action, "me", {"trajectory": data}, "1"),
+    ]
+    run(RosServer(sim, (), inputs=inputs), 2.0, realtime_rate=0.0)
+
+    rollout = sim.rollout()
+
+    assert [message.topic for message in rollout.messages] == [topic]
+    assert [goal.status for goal in rollout.goals] == ["SUCCEEDED"]
+    assert sim.topic(f"{node}/controller_state").value().feedback.positions == (
+        pytest.approx((0.5,), abs=0.02)
+    )
+
+
+def test_a_plugin_says_its_name_space_itself(tmp_path: Path) -> None:
+    graph = graph_of(tmp_path, STATES, namespace="other")
+
+    assert {"/tg/seen", "/other/joint_states"} <= set(graph.topics)
+    assert "/other/tg/seen" not in graph.topics
