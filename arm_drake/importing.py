@@ -115,12 +115,13 @@ def _init(cls: type, fields: tuple[dc.Field[Any], ...]) -> Callable[..., None]:
 
 
 def _repr(fields: tuple[dc.Field[Any], ...]) -> Callable[[Any], str]:
-    names = [field.name for field in fields if field.repr]
+    shown = [field for field in fields if field.repr]
+    values = _getter(shown)
+    form = ", ".join(f"{field.name}=%r" for field in shown)
 
     @recursive_repr()
     def __repr__(self: Any) -> str:
-        values = ", ".join(f"{name}={getattr(self, name)!r}" for name in names)
-        return f"{self.__class__.__qualname__}({values})"
+        return f"{self.__class__.__qualname__}({form % values(self)})"
 
     return __repr__
 
@@ -154,7 +155,10 @@ def _getter(fields: list[dc.Field[Any]]) -> Callable[[Any], tuple[Any, ...]]:
     names = [field.name for field in fields]
     if len(names) > 1:
         return attrgetter(*names)
-    return lambda item: tuple(getattr(item, name) for name in names)
+    if not names:
+        return lambda _: ()
+    value = attrgetter(*names)
+    return lambda item: (value(item),)
 
 
 def _refusals(
