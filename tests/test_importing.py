@@ -222,6 +222,32 @@ def equal_in_its_own_way(make: Any) -> type:
     return Equal
 
 
+def without_hash(make: Any) -> type:
+    @make(frozen=True)
+    class WithoutHash:
+        a: object = 1
+        __hash__ = None  # type: ignore[assignment]
+
+    return WithoutHash
+
+
+def of_odd_names(make: Any) -> type:
+    @make(frozen=True)
+    class OfOddNames:
+        a: list[object] = dc.field(default_factory=list)
+        b: int = 1
+        self: int = 2
+        cls: int = 3
+        _set: int = 4
+        _make_a: int = 5
+        __set: int = 6
+
+        def __post_init__(self) -> None:
+            object.__setattr__(self, "b", 2 * self.b)
+
+    return OfOddNames
+
+
 def derived(make: Any) -> type:
     @make(frozen=True)
     class Derived(plain(make)):  # type: ignore[misc]
@@ -246,6 +272,8 @@ CLASSES = [
     empty,
     of_its_own,
     equal_in_its_own_way,
+    without_hash,
+    of_odd_names,
     derived,
     derived_by_the_standard_library,
 ]
@@ -267,10 +295,13 @@ def test_a_dataclass_is_as_the_standard_library_s(
         lines: list[object] = [
             str(inspect.signature(cls)),
             cls.__init__.__annotations__,
-            cls.__init__.__qualname__,
+            cls.__dataclass_params__.__repr__(),
             cls.__match_args__,
             [(f.name, f.type, f.init, f.kw_only) for f in dc.fields(cls)],
         ]
+        for method in ("__init__", "__repr__", "__eq__", "__hash__", "__setattr__"):
+            names = ("__module__", "__qualname__")
+            lines += [getattr(getattr(cls, method), n, None) for n in names]
         for given in [(), (1,), (1, 3), (1, 3, ("y",), "other"), (1, 2, 3, 4, 5, 6, 7)]:
             for named in [{}, {"a": 9}, {"e": 6}, {"a": 1, "b": 3}, {"z": 0}]:
                 lines.append(outcome(lambda g=given, n=named: vars(cls(*g, **n))))

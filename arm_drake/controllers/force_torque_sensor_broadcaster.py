@@ -381,8 +381,13 @@ def _place(
                         f"{key}: {what}; {suggest(link, params.links)}"
                     )
             chain = _make_kinematics(each, (), params)
-            joints |= dict.fromkeys(chain.joints_to(each.sensor_frame))
-            joints |= dict.fromkeys(chain.joints_to(frame))
+            for joint in (*chain.joints_to(each.sensor_frame), *chain.joints_to(frame)):
+                if f"{joint}/position" not in params.state_interfaces:
+                    raise ParameterError(
+                        f"{prefix[:-1]}: joint {joint!r} moves these frames, "
+                        "but has no state interface 'position'"
+                    )
+                joints[joint] = None
     names = tuple(joints)
     placed = (
         GravityCompensation(each, frame, _make_kinematics(each, names, params))

@@ -39,8 +39,8 @@ _RCL = "rcl_interfaces/srv"
 # A switch that names no time may take so long [s] of wall time.
 _LONGEST_SWITCH = 60.0
 
-# controller_manager_msgs/srv/SwitchController: 0 is the default, STRICT, and all others
-# are BEST_EFFORT, for AUTO and FORCE_AUTO do no more in ros2_control so far.
+# controller_manager_msgs/srv/SwitchController: 0 is the distro's default, 2 is STRICT,
+# all others are BEST_EFFORT: AUTO and FORCE_AUTO do no more in ros2_control so far.
 _STRICTNESS: Mapping[int, Strictness | Literal[""]] = {0: "", 2: "strict"}
 
 Fields = dict[str, Any]

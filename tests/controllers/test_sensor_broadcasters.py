@@ -575,13 +575,18 @@ def gravity(**parameters: Any) -> dict[str, Any]:
     }
 
 
-def compensate(folder: Path, parameters: Mapping[str, Any], frame: str) -> Driven:
+def compensate(
+    folder: Path,
+    parameters: Mapping[str, Any],
+    frame: str,
+    joint_state: str = "swing/position",
+) -> Driven:
     """Return a broadcaster on a pendulum whose joint is measured before the sensor."""
     robot = models.load(folder, models.pendulum())
     return drive(
         WRENCH,
         {"frame_id": frame, **parameters},
-        available=(*READ[WRENCH], "swing/position"),
+        available=(*READ[WRENCH], joint_state),
         links=tuple(robot.description.links),
         make_kinematics=partial(PlantKinematics, robot.description, {}),
     )
@@ -653,6 +658,16 @@ def test_a_gravity_compensation_needs_the_frame_of_the_message(tmp_path: Path) -
         compensate(tmp_path, gravity(), "f")
 
     assert str(error.value) == "frame_id: the robot has no link 'f'; known: base, bob"
+
+
+def test_a_gravity_compensation_needs_the_positions_of_joints(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError) as error:
+        compensate(tmp_path, gravity(), "bob", joint_state="swing/effort")
+
+    assert str(error.value) == (
+        f"{KEY}.params: joint 'swing' moves these frames, "
+        "but has no state interface 'position'"
+    )
 
 
 RANGE_PARAMETERS = {
