@@ -144,15 +144,18 @@ class JointGroupControllerParameters:
 
 
 @dataclass(frozen=True)
-class ForwardCommandControllerParameters(JointGroupControllerParameters):
+class ForwardCommandControllerParameters:
     """Parameters of a ForwardCommandController."""
+
+    # Joints to command, in the order of the values; at least one, unique.
+    joints: tuple[str, ...]
 
     # Interface to claim on each joint.
     interface_name: str
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        check_not_empty(self, "interface_name")
+        check_not_empty(self, "joints", "interface_name")
+        check_unique(self, "joints")
 
 
 @dataclass(frozen=True)

@@ -170,7 +170,7 @@ DEFAULTS: dict[str, dict[str, Any]] = {
     OLD_JSB: JSB_DEFAULTS,
     FORWARD: {},
     MULTI: {},
-    **{group: {} for group in GROUPS},
+    **{group: {"interface_name": ""} for group in GROUPS},
     GRIPPER: GRIPPER_DEFAULTS,
     EFFORT_GRIPPER: {
         **GRIPPER_DEFAULTS,
