@@ -24,26 +24,23 @@ from arm_drake.control.action_goals import ActiveGoal
 from arm_drake.control.pid import Pid, PidState
 from arm_drake.control.tolerances import Mask, Tolerances
 from arm_drake.control.trajectory import Interpolation, Sample, StateBefore, Trajectory
+from arm_drake.controllers.topics import Event
 from arm_drake.errors import suggest
 from arm_drake.importing import dataclass
 from arm_drake.messages import (
     NANOSECONDS,
     ActionRequest,
-    CancelResponse,
     Duration,
     FollowJointTrajectoryFeedback,
-    GoalEvent,
     GoalStatus,
     Header,
     JointTrajectory,
     JointTrajectoryControllerState,
     JointTrajectoryPoint,
     Message,
-    ParametersRejected,
     QueryTrajectoryState,
     SpeedScalingFactor,
     Time,
-    TopicRejected,
 )
 from arm_drake.messages.base import append_events, make_lazy
 
@@ -326,10 +323,6 @@ class JointTrajectoryRules(Message):
         by_joint = np.full(len(self.joints), math.nan)
         by_joint[list(self.commanded_joints)] = values
         return by_joint
-
-
-# Events of a controller.
-Event = GoalEvent | CancelResponse | TopicRejected | ParametersRejected
 
 
 class Plan(NamedTuple):
