@@ -388,9 +388,9 @@ NUM_KEPT = 256
 
 
 def make_unchecked(kind: type[T], **fields: Any) -> T:
-    """Return a message of all its fields, past the checks, which take most of the time.
+    """Return a message of all its fields, past the checks of what a user gives.
 
-    They are for what a user gives.
+    A point of six joints takes 0.45 us so, and 1.65 with them.
     """
     message = object.__new__(kind)
     message.__dict__.update(fields)

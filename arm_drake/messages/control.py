@@ -413,10 +413,10 @@ class DynamicInterfaceGroupValues(Message):
 
     def __post_init__(self) -> None:
         """Take sequences and mappings as they come."""
-        values = self.__dict__
-        values["header"] = to_message(self.header, Header, "header")
-        values["interface_groups"] = to_names(self.interface_groups, "interface_groups")
-        values["interface_values"] = _to_values(self.interface_values)
+        groups = to_names(self.interface_groups, "interface_groups")
+        object.__setattr__(self, "header", to_message(self.header, Header, "header"))
+        object.__setattr__(self, "interface_groups", groups)
+        object.__setattr__(self, "interface_values", _to_values(self.interface_values))
 
 
 def _to_values(values: object) -> tuple[InterfaceValue, ...]:

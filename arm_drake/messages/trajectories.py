@@ -76,14 +76,14 @@ class JointTrajectoryPoint(Message):
 
     def __post_init__(self) -> None:
         """Take sequences and seconds as they come."""
-        # Quicker than the attributes: controllers report points at every tick.
-        fields = self.__dict__
         for name in _VECTORS:
-            if fields[name] is not _EMPTY:
-                fields[name] = to_floats(fields[name], name)
-        time = fields["time_from_start"]
+            values = getattr(self, name)
+            if values is not _EMPTY:
+                object.__setattr__(self, name, to_floats(values, name))
+        time = self.time_from_start
         if type(time) is not Duration:
-            fields["time_from_start"] = to_duration(time, "time_from_start")
+            time = to_duration(time, "time_from_start")
+            object.__setattr__(self, "time_from_start", time)
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ def test_the_page_of_the_guide_moves_the_arm(browser: Browser, tmp_path: Path) -
     assert "ws://127.0.0.1:9090" in page_text
     handler = functools.partial(_Quiet, directory=str(tmp_path))
     alerts: list[str] = []
+    goal = [0.5, 0.0, 0.5, 0.0, 0.5, 0.0]
 
     def take(dialog: Dialog) -> None:
         alerts.append(dialog.message)
@@ -51,10 +52,14 @@ def test_the_page_of_the_guide_moves_the_arm(browser: Browser, tmp_path: Path) -
             return bool(alerts)
 
         wait_until(is_done, "the goal ends")
-        page.wait_for_timeout(300)
-        shown = [float(line) for line in page.inner_text("#states").splitlines()]
+
+        def is_there() -> bool:
+            page.wait_for_timeout(20)
+            lines = page.inner_text("#states").splitlines()
+            return [float(line) for line in lines] == pytest.approx(goal, abs=0.01)
+
+        wait_until(is_there, "the page shows the goal")
         context.close()
         files.shutdown()
 
     assert json.loads(alerts[0])["error_code"] == 0
-    assert shown == pytest.approx([0.5, 0.0, 0.5, 0.0, 0.5, 0.0], abs=0.01)
