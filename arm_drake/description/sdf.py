@@ -42,7 +42,7 @@ FileFinder = Callable[[str, Path], Path | None]
 _MODEL = "__model__"
 
 # The name of the topmost element, behind a declaration and comments.
-_FIRST_TAG = re.compile(r"\ufeff?\s*(?:<\?.*?\?>\s*|<!--.*?-->\s*)*<(\w+)", re.DOTALL)
+_FIRST_TAG = re.compile(r"\ufeff?\s*(?:(?><\?.*?\?>|<!--.*?-->)\s*)*+<(\w+)", re.DOTALL)
 
 # SDF's joints that move about or along one axis, as URDF's.
 _AXES = {"revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic"}

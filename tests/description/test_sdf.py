@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import arm_drake as ad
+from arm_drake.description.sdf import is_sdf
 from arm_drake.errors import DescriptionError
 
 BOX = "<geometry><box><size>0.4 0.2 0.1</size></box></geometry>"
@@ -104,6 +105,14 @@ def test_a_ball_is_told_as_what_slides(tmp_path: Path) -> None:
         f"info: {tmp_path}/model.sdf: joint 'roll': a joint of type 'ball'; the joint "
         "is fixed, and its link slides without friction, as a ball rolls"
     ]
+
+
+def test_comments_in_front_take_no_time() -> None:
+    # With each one more it took twice as long: years.
+    comments = "<!-- a -->" * 60
+
+    assert not is_sdf(f"{comments}<!DOCTYPE robot><robot/>")
+    assert is_sdf(f"<?xml version='1.0'?>{comments}<sdf/>")
 
 
 FRAMES = """
