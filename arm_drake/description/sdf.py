@@ -390,6 +390,9 @@ class _Model:
         if len(words) == 3 and None not in words and any(words):
             direction = np.array(words, dtype=float)
             direction /= np.linalg.norm(direction)
+        elif words:
+            what = f"axis: expected a direction x, y, z, got {text_of(xyz)!r}"
+            self._note("error", "invalid", what, "taken as 0 0 1", joint)
         other = "" if xyz is None else attribute(xyz, "expressed_in")
         is_parents = text_of(axis, "use_parent_model_frame")
         if not other and (self.has_axes_in_model or parse_bool(is_parents)):
@@ -401,23 +404,17 @@ class _Model:
         if axis is None:
             return
         limits = {
-            key: number
+            key: self._limit(joint, axis, key)
             for key in ("lower", "upper", "effort", "velocity")
-            if (number := parse_number(text_of(axis, f"limit/{key}"))) is not None
         }
-        has_range = any(abs(limits.get(k, _NO_LIMIT)) < _NO_LIMIT for k in _RANGE)
-        if written.get("type") == "revolute" and not has_range:
+        if written.get("type") == "revolute" and not any(
+            math.isfinite(limits[key]) for key in _RANGE
+        ):
             written.set("type", "continuous")
         if written.get("type") == "continuous":
             limits = {k: v for k, v in limits.items() if k not in _RANGE}
-        # Less than 0 is none, in SDF; so is 0 in a URDF here.
-        limit = {
-            key: _words((value,))
-            for key, value in limits.items()
-            if key in _RANGE or 0.0 <= value < _NO_LIMIT
-        }
-        if limit or written.get("type") != "continuous":
-            limit = {"effort": "0", "velocity": "0"} | limit
+        if written.get("type") != "continuous" or min(limits.values()) < math.inf:
+            limit = {key: _words((value,)) for key, value in limits.items()}
             ET.SubElement(written, "limit", limit)
         dynamics = {
             key: text
@@ -427,6 +424,18 @@ class _Model:
         if dynamics:
             ET.SubElement(written, "dynamics", dynamics)
         self._write_mimic(written, axis)
+
+    def _limit(self, joint: ET.Element, axis: ET.Element, key: str) -> float:
+        """Return a limit of a joint; infinity where SDF has none."""
+        none = -math.inf if key == "lower" else math.inf
+        text = text_of(axis, f"limit/{key}")
+        number = parse_number(text)
+        if text and number is None:
+            what = f"limit {key}: expected a number, got {text!r}"
+            self._note("error", "invalid", what, "taken as not given", joint)
+        if number is None or abs(number) >= _NO_LIMIT:
+            return none
+        return number if key in _RANGE or number >= 0.0 else none
 
     def _write_mimic(self, written: ET.Element, axis: ET.Element) -> None:
         """Write that a joint follows another: m (leader - reference) + offset."""

@@ -159,6 +159,42 @@ def test_frames_are_those_of_sdf(tmp_path: Path) -> None:
     assert robot.description.link("hand").inertial.mass == 1.0
 
 
+SLIDE = """<model name="m"><link name="a"/><link name="b"/>
+  <joint name="j" type="prismatic"><parent>a</parent><child>b</child>
+  <axis><xyz>1 0 0</xyz>{}</axis></joint></model>"""
+
+
+@pytest.mark.parametrize(
+    ("limit", "lower", "upper"),
+    [
+        ("", None, None),
+        ("<limit><effort>-1</effort><velocity>1e16</velocity></limit>", None, None),
+        ("<limit><lower>-0.5</lower></limit>", -0.5, None),
+        ("<limit><lower>-1e16</lower><upper>0.5</upper></limit>", None, 0.5),
+    ],
+)
+def test_a_limit_that_is_not_given_is_none(
+    tmp_path: Path, limit: str, lower: float | None, upper: float | None
+) -> None:
+    robot = load(tmp_path, SLIDE.format(limit))
+
+    limits = robot.description.joints[0].limits
+    assert (limits.lower, limits.upper) == (lower, upper)
+    assert (limits.effort, limits.velocity) == (None, None)
+    assert [entry for entry in robot.report if "limit" in entry.what] == []
+
+
+def test_what_is_no_limit_or_no_direction_is_an_error(tmp_path: Path) -> None:
+    model = SLIDE.format("<limit><upper>far</upper></limit>").replace("1 0 0", "0 0 0")
+
+    found = [str(e).partition("model.sdf: ")[2] for e in load(tmp_path, model).report]
+
+    assert found[:2] == [
+        "joint 'j': axis: expected a direction x, y, z, got '0 0 0'; taken as 0 0 1",
+        "joint 'j': limit upper: expected a number, got 'far'; taken as not given",
+    ]
+
+
 def test_joints_follow_others(tmp_path: Path) -> None:
     follower = """<mimic joint="swing" axis="axis"><multiplier>2</multiplier>
       <offset>0.5</offset><reference>0.1</reference></mimic></axis></joint>"""
