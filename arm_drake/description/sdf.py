@@ -13,10 +13,11 @@ http://sdformat.org/tutorials?tut=pose_frame_semantics.
 """
 
 import copy
+import functools
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +61,13 @@ _GEOMETRIES = {
     "cylinder": ("radius", "length"),
     "capsule": ("radius", "length"),
 }
+
+# What has a frame in a model, and what of it a joint may connect.
+_HOLDERS = ("link", "joint", "frame")
+_ENDS = ("link", "frame")
+
+# Poses that may be relative to one another; what finds them is recursive.
+_MOST_RELATIVE = 300
 
 # What links and models have that is read, or stands in a file for other reasons.
 _OF_LINKS = {"pose", "inertial", "visual", "collision", "sensor", "plugin"}
@@ -149,10 +157,10 @@ class _Model:
                 what, done = f"<{child.tag}> in the model", "it is left out"
                 self._note("error", "unsupported", what, done, child)
         joints = self.model.findall("joint")
-        if any(text_of(joint, "parent") == WORLD for joint in joints):
+        if any(self._end(joint, "parent") == WORLD for joint in joints):
             ET.SubElement(robot, "link", name=WORLD)
-        carriers = {text_of(joint, "child"): joint for joint in joints}
-        self._report_root(carriers)
+        carriers = self._carriers
+        self._report_roots(carriers)
         for link in self.model.findall("link"):
             self._write_link(robot, link, carriers.get(attribute(link, "name")))
         for joint in joints:
@@ -168,45 +176,98 @@ class _Model:
         where = f"{element.tag} {name!r}" if name else ""
         self.report.add(severity, kind, what, done, where=where, file=self.file)
 
-    def _report_root(self, carriers: Mapping[str, ET.Element]) -> None:
-        """Record a base that isn't where the model is: poses are those of the base."""
+    def _report_roots(self, carriers: Mapping[str, ET.Element]) -> None:
+        """Record what no joint carries and isn't where the model is: it starts at 0."""
         links = [
             link
             for link in self.model.findall("link")
             if attribute(link, "name") not in carriers
         ]
-        for link in links[:1]:
+        for link in links:
             origin = _origin(self._frame(attribute(link, "name")))
-            if any((*origin.xyz, *origin.rpy)):
-                what = f"the base is at {_words((*origin.xyz, *origin.rpy))} in the "
-                what += "model"
+            if not any((*origin.xyz, *origin.rpy)):
+                continue
+            place = f"at {_words((*origin.xyz, *origin.rpy))} in the model"
+            if len(links) == 1:
+                what = f"the base is {place}"
                 done = "a pose of the robot is that of the base, not of the model"
                 self._note("info", "repair", what, done, link)
+            else:
+                what = f"{place}, where no joint holds it"
+                done = "it is put where the robot's pose is"
+                self._note("warning", "unsupported", what, done, link)
 
     # Frames.
+
+    @functools.cached_property
+    def _holders(self) -> dict[str, ET.Element]:
+        """The links, joints and frames by name."""
+        return {attribute(e, "name"): e for e in self.model if e.tag in _HOLDERS}
+
+    @functools.cached_property
+    def _poses(self) -> dict[str, Array]:
+        """Poses of them in the model that are known already."""
+        return {}
+
+    @functools.cached_property
+    def _carriers(self) -> dict[str, ET.Element]:
+        """The joints by the links that they carry."""
+        return {self._end(j, "child"): j for j in self.model.iterfind("joint")}
+
+    def _error(self, problem: str, where: str = "") -> DescriptionError:
+        where = where or f"model {attribute(self.model, 'name')!r}"
+        return DescriptionError(problem, file=self.file, where=where)
+
+    def _guess(self, name: str, tags: Sequence[str]) -> str:
+        """Return a name that isn't there, with what may be meant."""
+        if "::" in name:
+            return f"{name!r}: models in the model and includes are left out"
+        known = [n for n, e in self._holders.items() if e.tag in tags]
+        return f"{name!r}; {suggest(name, known)}"
+
+    def _end(self, joint: ET.Element, tag: str) -> str:
+        """Return the parent or the child of a joint: a link, or that of a frame."""
+        where = f"joint {attribute(joint, 'name')!r}"
+        name, passed = text_of(joint, tag), set[str]()
+        while name != WORLD:
+            if name in passed:
+                raise self._error(f"frame {name!r} is attached to itself", where)
+            passed.add(name)
+            element = self._holders.get(name)
+            if name == _MODEL:
+                links = [attribute(e, "name") for e in self.model.iterfind("link")]
+                name = attribute(self.model, "canonical_link") or next(iter(links), "")
+            elif element is None:
+                problem = f"no link or frame {self._guess(name, _ENDS)}"
+                raise self._error(problem, where)
+            elif element.tag == "frame":
+                name = attribute(element, "attached_to") or _MODEL
+            elif element.tag == "joint":
+                name = text_of(element, "child")
+            else:
+                break
+        return name
 
     def _frame(self, name: str, passed: tuple[str, ...] = ()) -> Array:
         """Return the pose of a link, joint or frame in the model, shape (4, 4)."""
         if name in ("", _MODEL, WORLD):
             return np.eye(4)
-        found = {
-            attribute(e, "name"): e
-            for e in self.model
-            if e.tag in ("link", "joint", "frame")
-        }
-        where = f"model {attribute(self.model, 'name')!r}"
-        if name not in found:
-            problem = f"no link, joint or frame {name!r}; {suggest(name, found)}"
-            raise DescriptionError(problem, file=self.file, where=where)
+        if name in self._poses:
+            return self._poses[name]
+        if name not in self._holders:
+            raise self._error(f"no link, joint or frame {self._guess(name, _HOLDERS)}")
         if name in passed:
-            problem = f"the pose of {name!r} is relative to itself"
-            raise DescriptionError(problem, file=self.file, where=where)
-        element = found[name]
+            raise self._error(f"the pose of {name!r} is relative to itself")
+        if len(passed) >= _MOST_RELATIVE:
+            problem = f"more than {_MOST_RELATIVE} poses are relative to one another"
+            raise self._error(f"{problem}, up to that of {name!r}; no SDF needs that")
+        element = self._holders[name]
         default = {
             "joint": text_of(element, "child"),
             "frame": attribute(element, "attached_to"),
         }.get(element.tag, _MODEL)
-        return self._placed(element, default, (*passed, name))
+        self._poses[name] = self._placed(element, default, (*passed, name))
+        return self._poses[name]
 
     def _placed(
         self, element: ET.Element, default: str, passed: tuple[str, ...] = ()
@@ -245,9 +306,9 @@ class _Model:
 
     def _link_frame(self, name: str) -> Array:
         """Return the frame that a link has in the URDF, in the model."""
-        for joint in self.model.findall("joint"):
-            if text_of(joint, "child") == name and self._type(joint) != "fixed":
-                return self._frame(attribute(joint, "name"))
+        joint = self._carriers.get(name)
+        if joint is not None and self._type(joint) != "fixed":
+            return self._frame(attribute(joint, "name"))
         return self._frame(name)
 
     # Links.
@@ -353,13 +414,7 @@ class _Model:
 
     def _write_joint(self, robot: ET.Element, joint: ET.Element) -> None:
         name, sort = attribute(joint, "name"), attribute(joint, "type")
-        parent, child = text_of(joint, "parent"), text_of(joint, "child")
-        links = [attribute(link, "name") for link in self.model.iterfind("link")]
-        for link in (parent, child):
-            if link not in (*links, WORLD):
-                problem = f"no link {link!r}; {suggest(link, links)}"
-                where = f"joint {name!r}"
-                raise DescriptionError(problem, file=self.file, where=where)
+        parent, child = self._end(joint, "parent"), self._end(joint, "child")
         if sort not in (*_AXES, "fixed"):
             done = "the joint is fixed"
             if sort == "ball":

@@ -209,6 +209,39 @@ def test_joints_follow_others(tmp_path: Path) -> None:
     assert mimic.offset == pytest.approx(0.3)
 
 
+def test_joints_connect_frames_too(tmp_path: Path) -> None:
+    model = """<model name="m"><link name="a"/><link name="b"><pose>0 0 1 0 0 0</pose>
+      </link><frame name="top" attached_to="a"><pose>0 0 2 0 0 0</pose></frame>
+      <frame name="axle" attached_to="b"><pose>0.5 0 0 0 0 0</pose></frame>
+      <joint name="j" type="revolute"><parent>top</parent><child>axle</child>
+      <axis><xyz>1 0 0</xyz></axis></joint></model>"""
+
+    (joint,) = load(tmp_path, model).description.joints
+
+    assert (joint.parent, joint.child) == ("a", "b")
+    # The joint is where the frame of its child is.
+    assert joint.origin.xyz == pytest.approx((0.5, 0.0, 1.0))
+
+
+def test_long_chains_of_poses_are_read_or_refused(tmp_path: Path) -> None:
+    links = [
+        "".join(
+            f"""<link name="l{i}"><pose relative_to="l{i - 1}">0 0 0.1 0 0 0</pose>
+        </link><joint name="j{i}" type="fixed">
+        <parent>l{i - 1}</parent><child>l{i}</child></joint>"""
+            for i in order
+        )
+        for order in (range(1, 400), range(399, 0, -1))
+    ]
+
+    robots = [f'<model name="m"><link name="l0"/>{each}</model>' for each in links]
+
+    last = load(tmp_path, robots[0]).description.joint("j399")
+    assert last.origin.xyz == pytest.approx((0.0, 0.0, 0.1))
+    with pytest.raises(DescriptionError, match="more than 300 poses are relative"):
+        load(tmp_path, robots[1])
+
+
 def test_axes_of_old_files_are_in_the_model(tmp_path: Path) -> None:
     model = """<model name="m"><link name="a"/><link name="b"/>
       <joint name="j" type="revolute"><parent>a</parent><child>b</child>
@@ -243,7 +276,20 @@ def test_axes_of_old_files_are_in_the_model(tmp_path: Path) -> None:
         (
             '<model name="m"><link name="a"/><joint name="j" type="fixed">'
             "<parent>a</parent><child>c</child></joint></model>",
-            "joint 'j': no link 'c'; known: a",
+            "joint 'j': no link or frame 'c'; known: a",
+        ),
+        (
+            '<model name="m"><link name="a"/><joint name="j" type="fixed"><parent>a'
+            '</parent><child>n::c</child></joint><model name="n"><link name="c"/>'
+            "</model></model>",
+            "joint 'j': no link or frame 'n::c': models in the model and includes are "
+            "left out",
+        ),
+        (
+            '<model name="m"><link name="a"/><joint name="j" type="fixed"><parent>f'
+            '</parent><child>a</child></joint><frame name="f" attached_to="g"/>'
+            '<frame name="g" attached_to="f"/></model>',
+            "joint 'j': frame 'f' is attached to itself",
         ),
     ],
 )
@@ -271,9 +317,16 @@ def test_what_urdf_has_no_words_for_is_reported(tmp_path: Path) -> None:
 def test_a_base_beside_the_model_is_told(tmp_path: Path) -> None:
     model = '<model name="m"><link name="a"><pose>0 0 0.2 0 0 0</pose></link></model>'
 
+    loose = model.replace("<link", '<link name="b"/><link', 1)
+
     (told,) = [e for e in load(tmp_path, model).report if "model" in e.what]
+    (moved,) = [e for e in load(tmp_path, loose).report if "model" in e.what]
 
     assert str(told) == (
         f"info: {tmp_path}/model.sdf: link 'a': the base is at 0 0 0.2 0 0 0 in the "
         "model; a pose of the robot is that of the base, not of the model"
+    )
+    assert str(moved) == (
+        f"warning: {tmp_path}/model.sdf: link 'a': at 0 0 0.2 0 0 0 in the model, "
+        "where no joint holds it; it is put where the robot's pose is"
     )
