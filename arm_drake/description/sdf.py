@@ -103,8 +103,17 @@ def convert_sdf(text: str, file: Path, report: LoadReport, find: FileFinder) -> 
         what = "a robot's <model>" if holder is None else "a robot's <model>, got a"
         what += "" if holder is None else " <world>, which --world takes"
         raise DescriptionError(f"<sdf>: expected {what}", file=file)
-    version = re.findall(r"[0-9]+", root.get("version", ""))
-    is_old = tuple(map(int, version[:2])) < _AXES_IN_JOINT
+    version = attribute(root, "version")
+    if not re.fullmatch(r"1\.[0-9]{1,3}", version, re.ASCII):
+        found = f"the version {version!r}" if version else "no version"
+        problem = f'<sdf> has {found}; expected such as version="1.9"'
+        raise DescriptionError(problem, file=file)
+    is_old = tuple(map(int, version.split("."))) < _AXES_IN_JOINT
+    names = [attribute(each, "name") for each in root.iterfind("model")]
+    if len(names) > 1:
+        what = f"models {', '.join(map(repr, names[1:]))}"
+        done = f"the file's first, {names[0]!r}, is the robot"
+        report.add("warning", "ignored", what, done, file=file)
     return _Model(model, file, report, find, has_axes_in_model=is_old).write()
 
 
@@ -299,7 +308,7 @@ class _Model:
             X = np.eye(4)
             X[:3, :3], X[:3, 3] = _rotation_of(np.array(known[3:])), known[:3]
             return X
-        if pose is not None and parse_bool(attribute(pose, "degrees")):
+        if pose is not None and _is_true(attribute(pose, "degrees")):
             known[3:] = map(math.radians, known[3:])
         x, y, z, roll, pitch, yaw = known
         return _matrix(Origin((x, y, z), (roll, pitch, yaw)))
@@ -324,7 +333,7 @@ class _Model:
         for shape in link:
             if shape.tag in ("visual", "collision"):
                 X_US = X_UM @ self._placed(shape, name)
-                self._write_shape(written, shape, X_US)
+                self._write_shape(written, link, shape, X_US)
         gazebo = ET.Element("gazebo", reference=name)
         is_ball = carrier is not None and attribute(carrier, "type") == "ball"
         mu = "0" if is_ball else self._friction(link)
@@ -366,14 +375,17 @@ class _Model:
         ET.SubElement(part, "mass", value=mass)
         ET.SubElement(part, "inertia", moments)
 
-    def _write_shape(self, written: ET.Element, shape: ET.Element, X: Array) -> None:
+    def _write_shape(
+        self, written: ET.Element, link: ET.Element, shape: ET.Element, X: Array
+    ) -> None:
         geometry = shape.find("geometry")
         kind = next(iter(geometry), None) if geometry is not None else None
         if kind is None or kind.tag == "empty":
             return
         if kind.tag not in (*_GEOMETRIES, "mesh"):
             what = f"geometry <{kind.tag}> of {shape.tag} {attribute(shape, 'name')!r}"
-            self._note("warning", "unsupported", what, "it is left out", shape)
+            severity: Severity = "error" if shape.tag == "collision" else "warning"
+            self._note(severity, "unsupported", what, "it is left out", link)
             return
         part = ET.SubElement(written, shape.tag, name=attribute(shape, "name"))
         _write_origin(part, X)
@@ -450,7 +462,7 @@ class _Model:
             self._note("error", "invalid", what, "taken as 0 0 1", joint)
         other = "" if xyz is None else attribute(xyz, "expressed_in")
         is_parents = text_of(axis, "use_parent_model_frame")
-        if not other and (self.has_axes_in_model or parse_bool(is_parents)):
+        if not other and (self.has_axes_in_model or _is_true(is_parents)):
             other = _MODEL
         if other:
             R_MJ = self._frame(attribute(joint, "name"))[:3, :3]
@@ -471,6 +483,9 @@ class _Model:
         if written.get("type") != "continuous" or min(limits.values()) < math.inf:
             limit = {key: _words((value,)) for key, value in limits.items()}
             ET.SubElement(written, "limit", limit)
+        if parse_number(text_of(axis, "dynamics/spring_stiffness")):
+            what, done = "<spring_stiffness> of the axis", "it is left out"
+            self._note("warning", "unsupported", what, done, joint)
         dynamics = {
             key: text
             for key in ("damping", "friction")
@@ -513,11 +528,16 @@ class _Model:
 _RANGE = ("lower", "upper")
 
 
+def _is_true(text: str) -> bool:
+    return text == "1" or parse_bool(text) is True
+
+
 def _is_usual(child: ET.Element) -> bool:
     """Return whether an element of a link says what holds without it."""
     usual = {"gravity": True, "kinematic": False, "self_collide": False}
-    text = {"1": "true", "0": "false"}.get(text_of(child), text_of(child))
-    return child.tag in usual and parse_bool(text) in (usual[child.tag], None)
+    return child.tag in usual and (
+        not text_of(child) or _is_true(text_of(child)) == usual[child.tag]
+    )
 
 
 def _rotation_of(quaternion: Array) -> Array:

@@ -255,6 +255,48 @@ def test_axes_of_old_files_are_in_the_model(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("version", "found"),
+    [("", "no version"), ("1.9.2", "the version '1.9.2'"), ("2", "the version '2'")],
+)
+def test_a_file_needs_a_version(tmp_path: Path, version: str, found: str) -> None:
+    with pytest.raises(DescriptionError) as caught:
+        load(tmp_path, '<model name="m"><link name="a"/></model>', version)
+
+    expected = f'<sdf> has {found}; expected such as version="1.9"'
+    assert str(caught.value) == f"{tmp_path}/model.sdf: {expected}"
+
+
+def test_further_models_springs_and_lost_shapes_are_told(tmp_path: Path) -> None:
+    shape = "<collision name='c'><geometry><plane/></geometry></collision>"
+    stiff = "<dynamics><spring_stiffness>3</spring_stiffness></dynamics>"
+    model = SLIDE.format(stiff).replace('name="a"/>', f'name="a">{shape}</link>')
+
+    found = [
+        str(entry).replace(f"{tmp_path}/model.sdf: ", "")
+        for entry in load(tmp_path, f'{model}<model name="n"/>').report
+    ]
+
+    assert found[:3] == [
+        "warning: models 'n'; the file's first, 'm', is the robot",
+        "error: link 'a': geometry <plane> of collision 'c'; it is left out",
+        "warning: joint 'j': <spring_stiffness> of the axis; it is left out",
+    ]
+
+
+@pytest.mark.parametrize("yes", ["true", "1"])
+def test_what_is_true_may_be_a_number(tmp_path: Path, yes: str) -> None:
+    model = f"""<model name="m"><link name="a"/><link name="b"/>
+      <joint name="j" type="revolute"><parent>a</parent><child>b</child>
+      <pose degrees="{yes}">0 0 0 0 0 90</pose><axis><xyz>1 0 0</xyz>
+      <use_parent_model_frame>{yes}</use_parent_model_frame></axis></joint></model>"""
+
+    (joint,) = load(tmp_path, model, "1.6").description.joints
+
+    assert joint.origin.rpy == pytest.approx((0.0, 0.0, math.pi / 2.0))
+    assert joint.axis == pytest.approx((0.0, -1.0, 0.0))
+
+
+@pytest.mark.parametrize(
     ("text", "message"),
     [
         (
@@ -309,7 +351,7 @@ def test_what_urdf_has_no_words_for_is_reported(tmp_path: Path) -> None:
     found = [str(e).partition("model.sdf: ")[2] for e in load(tmp_path, model).report]
 
     assert "<model> in the model; it is left out" in " ".join(found)
-    assert "collision 'hill': geometry <heightmap>" in " ".join(found)
+    assert "link 'a': geometry <heightmap> of collision 'hill'; it is left out" in found
     assert "joint 'j': a joint of type 'screw'; the joint is fixed" in found
     assert "<gazebo> tags <gravity>; they have no effect" in found
 
