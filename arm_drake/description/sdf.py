@@ -365,6 +365,9 @@ class _Model:
         if inertial is not None:
             X = X_UM @ self._placed(inertial, attribute(link, "name"))
             mass = text_of(inertial, "mass") or mass
+            if _is_true(attribute(inertial, "auto")):
+                what, done = "<inertial auto>", f"its mass is {mass} kg"
+                self._note("warning", "unsupported", what, done, link)
             moments |= {
                 key: text
                 for key in moments

@@ -344,12 +344,14 @@ def test_what_is_no_robot_is_refused(tmp_path: Path, text: str, message: str) ->
 
 def test_what_urdf_has_no_words_for_is_reported(tmp_path: Path) -> None:
     model = """<model name="m"><link name="a"><gravity>false</gravity>
+      <inertial auto="true"/>
       <collision name="hill"><geometry><heightmap/></geometry></collision></link>
       <link name="b"/><model name="n"><link name="c"/></model>
       <joint name="j" type="screw"><parent>a</parent><child>b</child></joint></model>"""
 
     found = [str(e).partition("model.sdf: ")[2] for e in load(tmp_path, model).report]
 
+    assert "link 'a': <inertial auto>; its mass is 1 kg" in found
     assert "<model> in the model; it is left out" in " ".join(found)
     assert "link 'a': geometry <heightmap> of collision 'hill'; it is left out" in found
     assert "joint 'j': a joint of type 'screw'; the joint is fixed" in found
