@@ -180,6 +180,9 @@ _EXPECTED: Mapping[str, tuple[Any, str]] = {
 }
 _NEEDED = ("source", "distro", "package_paths")
 
+# Names as ROS takes them: topics have them in front. Slashes around them don't count.
+_NAMESPACE = re.compile(r"/*(?:[a-z_]\w*/+)*(?:[a-z_]\w*)?", re.ASCII | re.IGNORECASE)
+
 
 def _check_types(arguments: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments, paths in tuples; InputError if one has another type."""
@@ -190,6 +193,10 @@ def _check_types(arguments: Mapping[str, Any]) -> dict[str, Any]:
     }
     for name in filter(given.__contains__, _EXPECTED):
         check_type(name, given[name], *_EXPECTED[name])
+    namespace = given.get("namespace", "")
+    if not _NAMESPACE.fullmatch(namespace):
+        expected = "names of letters, digits and '_' such as 'cell/left'"
+        raise InputError(f"namespace: expected {expected}, got {namespace!r}")
     for name in filter(given.__contains__, ("controllers", "package_paths", "srdf")):
         value, expected = given[name], "a path or a list of paths"
         if not isinstance(value, _PATH):

@@ -1112,3 +1112,23 @@ def test_an_error_about_a_joint_has_its_line(tmp_path, broken, problem):
         ad.load_robot(file)
 
     assert str(caught.value).startswith(f"{file}:3: joint 'elbow': {problem}")
+
+
+@pytest.mark.parametrize("namespace", ["my cell", "~cell", "1st", "cell/2", "..", "é"])
+def test_a_name_space_is_one_that_ros_takes(tmp_path: Path, namespace: str) -> None:
+    with pytest.raises(InputError) as caught:
+        load(tmp_path, TWO_LINKS, namespace=namespace)
+
+    assert str(caught.value) == (
+        "namespace: expected names of letters, digits and '_' such as 'cell/left', "
+        f"got {namespace!r}"
+    )
+
+
+@pytest.mark.parametrize(
+    ("namespace", "expected"), [("", ""), ("/", ""), ("/a_1//B/", "/a_1/B")]
+)
+def test_slashes_around_a_name_space_do_not_count(
+    tmp_path: Path, namespace: str, expected: str
+) -> None:
+    assert load(tmp_path, TWO_LINKS, namespace=namespace).namespace == expected

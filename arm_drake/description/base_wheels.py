@@ -35,7 +35,12 @@ from arm_drake.description.gazebo_plugins import (
     MecanumDrive,
     WheelDrive,
 )
-from arm_drake.description.inertia import in_link_axes, link_solid, take_mass
+from arm_drake.description.inertia import (
+    in_link_axes,
+    link_solid,
+    placed_solid,
+    take_mass,
+)
 from arm_drake.description.joints import (
     JointInfo,
     Mimic,
@@ -156,8 +161,8 @@ def _claimed_wheels(
     """Return the wheels that a controller of joints turns, at least two, or none.
 
     A wheel is the last link behind a joint without limits, on the base or on what is
-    steered, whose axis is level. An arm has no two of these: its joints follow one
-    another.
+    steered, whose axis is level, and it reaches as low as all that carries it. The
+    rollers of a conveyor or in the gripper of an arm don't.
     """
     joints = {joint.name: joint for joint in description.movable_joints}
     parents = {joint.parent for joint in joints.values()}
@@ -183,7 +188,40 @@ def _is_wheel(
     if not set(parents).isdisjoint(rigid_links(description, joint.child)):
         return False
     R = link_orientation(description, joint.parent) @ joint.origin.rotation
-    return abs(float((R @ joint.unit_axis)[2])) < _LEVEL
+    if abs(float((R @ joint.unit_axis)[2])) >= _LEVEL:
+        return False
+    bottom = _lowest(description, rigid_links(description, joint.child))
+    radius = place_in_root(description, joint.child, (0.0, 0.0, 0.0))[2] - bottom
+    carriers = {
+        link for j in (joint, *above) for link in rigid_links(description, j.parent)
+    }
+    # Without a shape to collide with it can't roll.
+    is_low = bottom < _lowest(description, carriers) + _BESIDE_GROUND * radius
+    return math.isfinite(bottom) and bool(is_low)
+
+
+# How far above the lowest point of its robot a wheel may end, per radius: casters and
+# skids are rarely as low as wheels, and the height of round shapes is an estimate.
+_BESIDE_GROUND = 0.5
+
+
+def _lowest(description: RobotDescription, links: Iterable[str]) -> float:
+    """Return about how low links reach in their root, joints at 0 [m]; inf if nowhere.
+
+    Each shape to collide with counts as a box of the same moments.
+    """
+    lowest = math.inf
+    for name in links:
+        up = link_orientation(description, name)[2]
+        for shape in description.link(name).collisions:
+            if (solid := placed_solid(shape)) is None:
+                continue
+            middle = place_in_root(description, name, solid.center)[2]
+            inertia = solid.inertia
+            second = np.trace(inertia) / 2.0 - up @ inertia @ up
+            half = math.sqrt(3.0 * max(0.0, float(second)) / solid.mass)
+            lowest = min(lowest, float(middle) - half)
+    return lowest
 
 
 def _rollers_by_parameters(

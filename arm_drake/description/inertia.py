@@ -82,7 +82,7 @@ def link_solid(link: LinkInfo) -> tuple[Inertial, str] | None:
         known = [
             (solid, shape.geometry.type == "mesh")
             for shape in shapes
-            if (solid := _placed_solid(shape)) is not None
+            if (solid := placed_solid(shape)) is not None
         ]
         if known:
             solids, are_meshes = zip(*known, strict=True)
@@ -161,7 +161,8 @@ def polyhedron(vertices: Array, faces: Array) -> Inertial:
     return Inertial(volume, center + middle, inertia)
 
 
-def _placed_solid(shape: ShapeInfo) -> Inertial | None:
+def placed_solid(shape: ShapeInfo) -> Inertial | None:
+    """Return a shape as a solid of density 1 in its link; None without a volume."""
     solid = _solid(shape.geometry)
     if solid is None or not _VOLUMES[0] < solid.mass < _VOLUMES[1]:
         return None

@@ -494,7 +494,8 @@ def _limits(
         if 0.0 < abs(number) < math.inf:
             found[name] = abs(number)
         done = "taken without its sign" if name in found else "taken as unset"
-        if text is not None and found.get(name) != number and joint_type != "fixed":
+        is_taken = number in (found.get(name), math.inf)
+        if text is not None and not is_taken and joint_type != "fixed":
             reader.note("info", "repair", f"{name} limit {text}", done)
     if joint_type == "continuous" and {"lower", "upper"} & element.attrib.keys():
         what = "limits of a continuous joint"

@@ -13,10 +13,11 @@ http://sdformat.org/tutorials?tut=pose_frame_semantics.
 """
 
 import copy
+import functools
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +43,7 @@ FileFinder = Callable[[str, Path], Path | None]
 _MODEL = "__model__"
 
 # The name of the topmost element, behind a declaration and comments.
-_FIRST_TAG = re.compile(r"\ufeff?\s*(?:<\?.*?\?>\s*|<!--.*?-->\s*)*<(\w+)", re.DOTALL)
+_FIRST_TAG = re.compile(r"\ufeff?\s*(?:(?><\?.*?\?>|<!--.*?-->)\s*)*+<(\w+)", re.DOTALL)
 
 # SDF's joints that move about or along one axis, as URDF's.
 _AXES = {"revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic"}
@@ -60,6 +61,13 @@ _GEOMETRIES = {
     "cylinder": ("radius", "length"),
     "capsule": ("radius", "length"),
 }
+
+# What has a frame in a model, and what of it a joint may connect.
+_HOLDERS = ("link", "joint", "frame")
+_ENDS = ("link", "frame")
+
+# Poses that may be relative to one another; what finds them is recursive.
+_MOST_RELATIVE = 300
 
 # What links and models have that is read, or stands in a file for other reasons.
 _OF_LINKS = {"pose", "inertial", "visual", "collision", "sensor", "plugin"}
@@ -95,8 +103,17 @@ def convert_sdf(text: str, file: Path, report: LoadReport, find: FileFinder) -> 
         what = "a robot's <model>" if holder is None else "a robot's <model>, got a"
         what += "" if holder is None else " <world>, which --world takes"
         raise DescriptionError(f"<sdf>: expected {what}", file=file)
-    version = re.findall(r"[0-9]+", root.get("version", ""))
-    is_old = tuple(map(int, version[:2])) < _AXES_IN_JOINT
+    version = attribute(root, "version")
+    if not re.fullmatch(r"1\.[0-9]{1,3}", version, re.ASCII):
+        found = f"the version {version!r}" if version else "no version"
+        problem = f'<sdf> has {found}; expected such as version="1.9"'
+        raise DescriptionError(problem, file=file)
+    is_old = tuple(map(int, version.split("."))) < _AXES_IN_JOINT
+    names = [attribute(each, "name") for each in root.iterfind("model")]
+    if len(names) > 1:
+        what = f"models {', '.join(map(repr, names[1:]))}"
+        done = f"the file's first, {names[0]!r}, is the robot"
+        report.add("warning", "ignored", what, done, file=file)
     return _Model(model, file, report, find, has_axes_in_model=is_old).write()
 
 
@@ -149,10 +166,10 @@ class _Model:
                 what, done = f"<{child.tag}> in the model", "it is left out"
                 self._note("error", "unsupported", what, done, child)
         joints = self.model.findall("joint")
-        if any(text_of(joint, "parent") == WORLD for joint in joints):
+        if any(self._end(joint, "parent") == WORLD for joint in joints):
             ET.SubElement(robot, "link", name=WORLD)
-        carriers = {text_of(joint, "child"): joint for joint in joints}
-        self._report_root(carriers)
+        carriers = self._carriers
+        self._report_roots(carriers)
         for link in self.model.findall("link"):
             self._write_link(robot, link, carriers.get(attribute(link, "name")))
         for joint in joints:
@@ -168,45 +185,98 @@ class _Model:
         where = f"{element.tag} {name!r}" if name else ""
         self.report.add(severity, kind, what, done, where=where, file=self.file)
 
-    def _report_root(self, carriers: Mapping[str, ET.Element]) -> None:
-        """Record a base that isn't where the model is: poses are those of the base."""
+    def _report_roots(self, carriers: Mapping[str, ET.Element]) -> None:
+        """Record what no joint carries and isn't where the model is: it starts at 0."""
         links = [
             link
             for link in self.model.findall("link")
             if attribute(link, "name") not in carriers
         ]
-        for link in links[:1]:
+        for link in links:
             origin = _origin(self._frame(attribute(link, "name")))
-            if any((*origin.xyz, *origin.rpy)):
-                what = f"the base is at {_words((*origin.xyz, *origin.rpy))} in the "
-                what += "model"
+            if not any((*origin.xyz, *origin.rpy)):
+                continue
+            place = f"at {_words((*origin.xyz, *origin.rpy))} in the model"
+            if len(links) == 1:
+                what = f"the base is {place}"
                 done = "a pose of the robot is that of the base, not of the model"
                 self._note("info", "repair", what, done, link)
+            else:
+                what = f"{place}, where no joint holds it"
+                done = "it is put where the robot's pose is"
+                self._note("warning", "unsupported", what, done, link)
 
     # Frames.
+
+    @functools.cached_property
+    def _holders(self) -> dict[str, ET.Element]:
+        """The links, joints and frames by name."""
+        return {attribute(e, "name"): e for e in self.model if e.tag in _HOLDERS}
+
+    @functools.cached_property
+    def _poses(self) -> dict[str, Array]:
+        """Poses of them in the model that are known already."""
+        return {}
+
+    @functools.cached_property
+    def _carriers(self) -> dict[str, ET.Element]:
+        """The joints by the links that they carry."""
+        return {self._end(j, "child"): j for j in self.model.iterfind("joint")}
+
+    def _error(self, problem: str, where: str = "") -> DescriptionError:
+        where = where or f"model {attribute(self.model, 'name')!r}"
+        return DescriptionError(problem, file=self.file, where=where)
+
+    def _guess(self, name: str, tags: Sequence[str]) -> str:
+        """Return a name that isn't there, with what may be meant."""
+        if "::" in name:
+            return f"{name!r}: models in the model and includes are left out"
+        known = [n for n, e in self._holders.items() if e.tag in tags]
+        return f"{name!r}; {suggest(name, known)}"
+
+    def _end(self, joint: ET.Element, tag: str) -> str:
+        """Return the parent or the child of a joint: a link, or that of a frame."""
+        where = f"joint {attribute(joint, 'name')!r}"
+        name, passed = text_of(joint, tag), set[str]()
+        while name != WORLD:
+            if name in passed:
+                raise self._error(f"frame {name!r} is attached to itself", where)
+            passed.add(name)
+            element = self._holders.get(name)
+            if name == _MODEL:
+                links = [attribute(e, "name") for e in self.model.iterfind("link")]
+                name = attribute(self.model, "canonical_link") or next(iter(links), "")
+            elif element is None:
+                problem = f"no link or frame {self._guess(name, _ENDS)}"
+                raise self._error(problem, where)
+            elif element.tag == "frame":
+                name = attribute(element, "attached_to") or _MODEL
+            elif element.tag == "joint":
+                name = text_of(element, "child")
+            else:
+                break
+        return name
 
     def _frame(self, name: str, passed: tuple[str, ...] = ()) -> Array:
         """Return the pose of a link, joint or frame in the model, shape (4, 4)."""
         if name in ("", _MODEL, WORLD):
             return np.eye(4)
-        found = {
-            attribute(e, "name"): e
-            for e in self.model
-            if e.tag in ("link", "joint", "frame")
-        }
-        where = f"model {attribute(self.model, 'name')!r}"
-        if name not in found:
-            problem = f"no link, joint or frame {name!r}; {suggest(name, found)}"
-            raise DescriptionError(problem, file=self.file, where=where)
+        if name in self._poses:
+            return self._poses[name]
+        if name not in self._holders:
+            raise self._error(f"no link, joint or frame {self._guess(name, _HOLDERS)}")
         if name in passed:
-            problem = f"the pose of {name!r} is relative to itself"
-            raise DescriptionError(problem, file=self.file, where=where)
-        element = found[name]
+            raise self._error(f"the pose of {name!r} is relative to itself")
+        if len(passed) >= _MOST_RELATIVE:
+            problem = f"more than {_MOST_RELATIVE} poses are relative to one another"
+            raise self._error(f"{problem}, up to that of {name!r}; no SDF needs that")
+        element = self._holders[name]
         default = {
             "joint": text_of(element, "child"),
             "frame": attribute(element, "attached_to"),
         }.get(element.tag, _MODEL)
-        return self._placed(element, default, (*passed, name))
+        self._poses[name] = self._placed(element, default, (*passed, name))
+        return self._poses[name]
 
     def _placed(
         self, element: ET.Element, default: str, passed: tuple[str, ...] = ()
@@ -238,16 +308,16 @@ class _Model:
             X = np.eye(4)
             X[:3, :3], X[:3, 3] = _rotation_of(np.array(known[3:])), known[:3]
             return X
-        if pose is not None and parse_bool(attribute(pose, "degrees")):
+        if pose is not None and _is_true(attribute(pose, "degrees")):
             known[3:] = map(math.radians, known[3:])
         x, y, z, roll, pitch, yaw = known
         return _matrix(Origin((x, y, z), (roll, pitch, yaw)))
 
     def _link_frame(self, name: str) -> Array:
         """Return the frame that a link has in the URDF, in the model."""
-        for joint in self.model.findall("joint"):
-            if text_of(joint, "child") == name and self._type(joint) != "fixed":
-                return self._frame(attribute(joint, "name"))
+        joint = self._carriers.get(name)
+        if joint is not None and self._type(joint) != "fixed":
+            return self._frame(attribute(joint, "name"))
         return self._frame(name)
 
     # Links.
@@ -263,7 +333,7 @@ class _Model:
         for shape in link:
             if shape.tag in ("visual", "collision"):
                 X_US = X_UM @ self._placed(shape, name)
-                self._write_shape(written, shape, X_US)
+                self._write_shape(written, link, shape, X_US)
         gazebo = ET.Element("gazebo", reference=name)
         is_ball = carrier is not None and attribute(carrier, "type") == "ball"
         mu = "0" if is_ball else self._friction(link)
@@ -295,6 +365,9 @@ class _Model:
         if inertial is not None:
             X = X_UM @ self._placed(inertial, attribute(link, "name"))
             mass = text_of(inertial, "mass") or mass
+            if _is_true(attribute(inertial, "auto")):
+                what, done = "<inertial auto>", f"its mass is {mass} kg"
+                self._note("warning", "unsupported", what, done, link)
             moments |= {
                 key: text
                 for key in moments
@@ -305,14 +378,17 @@ class _Model:
         ET.SubElement(part, "mass", value=mass)
         ET.SubElement(part, "inertia", moments)
 
-    def _write_shape(self, written: ET.Element, shape: ET.Element, X: Array) -> None:
+    def _write_shape(
+        self, written: ET.Element, link: ET.Element, shape: ET.Element, X: Array
+    ) -> None:
         geometry = shape.find("geometry")
         kind = next(iter(geometry), None) if geometry is not None else None
         if kind is None or kind.tag == "empty":
             return
         if kind.tag not in (*_GEOMETRIES, "mesh"):
             what = f"geometry <{kind.tag}> of {shape.tag} {attribute(shape, 'name')!r}"
-            self._note("warning", "unsupported", what, "it is left out", shape)
+            severity: Severity = "error" if shape.tag == "collision" else "warning"
+            self._note(severity, "unsupported", what, "it is left out", link)
             return
         part = ET.SubElement(written, shape.tag, name=attribute(shape, "name"))
         _write_origin(part, X)
@@ -353,13 +429,7 @@ class _Model:
 
     def _write_joint(self, robot: ET.Element, joint: ET.Element) -> None:
         name, sort = attribute(joint, "name"), attribute(joint, "type")
-        parent, child = text_of(joint, "parent"), text_of(joint, "child")
-        links = [attribute(link, "name") for link in self.model.iterfind("link")]
-        for link in (parent, child):
-            if link not in (*links, WORLD):
-                problem = f"no link {link!r}; {suggest(link, links)}"
-                where = f"joint {name!r}"
-                raise DescriptionError(problem, file=self.file, where=where)
+        parent, child = self._end(joint, "parent"), self._end(joint, "child")
         if sort not in (*_AXES, "fixed"):
             done = "the joint is fixed"
             if sort == "ball":
@@ -390,9 +460,12 @@ class _Model:
         if len(words) == 3 and None not in words and any(words):
             direction = np.array(words, dtype=float)
             direction /= np.linalg.norm(direction)
+        elif words:
+            what = f"axis: expected a direction x, y, z, got {text_of(xyz)!r}"
+            self._note("error", "invalid", what, "taken as 0 0 1", joint)
         other = "" if xyz is None else attribute(xyz, "expressed_in")
         is_parents = text_of(axis, "use_parent_model_frame")
-        if not other and (self.has_axes_in_model or parse_bool(is_parents)):
+        if not other and (self.has_axes_in_model or _is_true(is_parents)):
             other = _MODEL
         if other:
             R_MJ = self._frame(attribute(joint, "name"))[:3, :3]
@@ -401,24 +474,21 @@ class _Model:
         if axis is None:
             return
         limits = {
-            key: number
+            key: self._limit(joint, axis, key)
             for key in ("lower", "upper", "effort", "velocity")
-            if (number := parse_number(text_of(axis, f"limit/{key}"))) is not None
         }
-        has_range = any(abs(limits.get(k, _NO_LIMIT)) < _NO_LIMIT for k in _RANGE)
-        if written.get("type") == "revolute" and not has_range:
+        if written.get("type") == "revolute" and not any(
+            math.isfinite(limits[key]) for key in _RANGE
+        ):
             written.set("type", "continuous")
         if written.get("type") == "continuous":
             limits = {k: v for k, v in limits.items() if k not in _RANGE}
-        # Less than 0 is none, in SDF; so is 0 in a URDF here.
-        limit = {
-            key: _words((value,))
-            for key, value in limits.items()
-            if key in _RANGE or 0.0 <= value < _NO_LIMIT
-        }
-        if limit or written.get("type") != "continuous":
-            limit = {"effort": "0", "velocity": "0"} | limit
+        if written.get("type") != "continuous" or min(limits.values()) < math.inf:
+            limit = {key: _words((value,)) for key, value in limits.items()}
             ET.SubElement(written, "limit", limit)
+        if parse_number(text_of(axis, "dynamics/spring_stiffness")):
+            what, done = "<spring_stiffness> of the axis", "it is left out"
+            self._note("warning", "unsupported", what, done, joint)
         dynamics = {
             key: text
             for key in ("damping", "friction")
@@ -427,6 +497,18 @@ class _Model:
         if dynamics:
             ET.SubElement(written, "dynamics", dynamics)
         self._write_mimic(written, axis)
+
+    def _limit(self, joint: ET.Element, axis: ET.Element, key: str) -> float:
+        """Return a limit of a joint; infinity where SDF has none."""
+        none = -math.inf if key == "lower" else math.inf
+        text = text_of(axis, f"limit/{key}")
+        number = parse_number(text)
+        if text and number is None:
+            what = f"limit {key}: expected a number, got {text!r}"
+            self._note("error", "invalid", what, "taken as not given", joint)
+        if number is None or abs(number) >= _NO_LIMIT:
+            return none
+        return number if key in _RANGE or number >= 0.0 else none
 
     def _write_mimic(self, written: ET.Element, axis: ET.Element) -> None:
         """Write that a joint follows another: m (leader - reference) + offset."""
@@ -449,11 +531,16 @@ class _Model:
 _RANGE = ("lower", "upper")
 
 
+def _is_true(text: str) -> bool:
+    return text == "1" or parse_bool(text) is True
+
+
 def _is_usual(child: ET.Element) -> bool:
     """Return whether an element of a link says what holds without it."""
     usual = {"gravity": True, "kinematic": False, "self_collide": False}
-    text = {"1": "true", "0": "false"}.get(text_of(child), text_of(child))
-    return child.tag in usual and parse_bool(text) in (usual[child.tag], None)
+    return child.tag in usual and (
+        not text_of(child) or _is_true(text_of(child)) == usual[child.tag]
+    )
 
 
 def _rotation_of(quaternion: Array) -> Array:

@@ -161,7 +161,8 @@ def _resolution(shape: DrakeShape) -> float:
     if isinstance(shape, Capsule | Cylinder | Sphere):
         radius = shape.radius()
     elif isinstance(shape, Ellipsoid):
-        radius = min(shape.a(), shape.b(), shape.c())
+        # Neither a needle nor a disk has more facets than a ball.
+        radius = sorted((shape.a(), shape.b(), shape.c()))[1]
     return max(_RESOLUTION, _LARGE_FACET * radius)
 
 

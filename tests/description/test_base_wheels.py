@@ -202,6 +202,12 @@ WORLD = """<link name="world"/><joint name="held" type="fixed">
             '<parent link="base_link"/><child link="right_wheel"/>',
             '<parent link="left_wheel"/><child link="right_wheel"/>',
         ),
+        # What touches no ground: above the base's lowest point, or without a shape.
+        (f'0.2 {RADIUS}"/><axis', f'0.2 {4.0 * RADIUS}"/><axis'),
+        (
+            f'<geometry><cylinder radius="{RADIUS}" length="0.04"/></geometry>',
+            "<geometry/>",
+        ),
     ],
 )
 def test_a_base_without_wheels_or_in_the_world_is_held(
@@ -217,3 +223,24 @@ def test_a_base_with_one_wheel_that_is_commanded_is_held(tmp_path: Path) -> None
     text = VELOCITIES.replace("[left, right]", "[left]")
 
     assert not models.load(tmp_path, cart(CONTROL), text).has_free_base
+
+
+def test_rollers_in_a_gripper_free_no_arm(tmp_path: Path) -> None:
+    text = VELOCITIES.replace("[left, right]", "[first, second]")
+    rollers = "".join(
+        models.bob(name)
+        + f"""<joint name="{joint}" type="continuous"><parent link="elbow"/>
+        <child link="{name}"/><origin xyz="0.1 0 0"/><axis xyz="0 1 0"/></joint>"""
+        for name, joint in (("upper", "first"), ("lower", "second"))
+    )
+    urdf = f"""<robot name="arm">{models.bob("foot")}{models.bob("elbow")}
+      <joint name="lift" type="revolute"><parent link="foot"/><child link="elbow"/>
+        <origin xyz="0 0 1"/><axis xyz="0 1 0"/>
+        <limit lower="-1" upper="1" effort="99" velocity="9"/></joint>
+      {rollers}{models.ros2_control("first", "second", command="velocity")}</robot>"""
+    shape = "<collision><geometry><sphere radius='0.05'/></geometry></collision></link>"
+
+    robot = models.load(tmp_path, urdf.replace("</link>", shape), text)
+
+    assert len(robot.description.link("upper").collisions) == 1
+    assert not robot.has_free_base

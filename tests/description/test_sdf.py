@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import arm_drake as ad
+from arm_drake.description.sdf import is_sdf
 from arm_drake.errors import DescriptionError
 
 BOX = "<geometry><box><size>0.4 0.2 0.1</size></box></geometry>"
@@ -106,6 +107,14 @@ def test_a_ball_is_told_as_what_slides(tmp_path: Path) -> None:
     ]
 
 
+def test_comments_in_front_take_no_time() -> None:
+    # With each one more it took twice as long: years.
+    comments = "<!-- a -->" * 60
+
+    assert not is_sdf(f"{comments}<!DOCTYPE robot><robot/>")
+    assert is_sdf(f"<?xml version='1.0'?>{comments}<sdf/>")
+
+
 FRAMES = """
   <model name="arm">
     <joint name="foot" type="fixed"><parent>world</parent><child>base</child></joint>
@@ -150,6 +159,42 @@ def test_frames_are_those_of_sdf(tmp_path: Path) -> None:
     assert robot.description.link("hand").inertial.mass == 1.0
 
 
+SLIDE = """<model name="m"><link name="a"/><link name="b"/>
+  <joint name="j" type="prismatic"><parent>a</parent><child>b</child>
+  <axis><xyz>1 0 0</xyz>{}</axis></joint></model>"""
+
+
+@pytest.mark.parametrize(
+    ("limit", "lower", "upper"),
+    [
+        ("", None, None),
+        ("<limit><effort>-1</effort><velocity>1e16</velocity></limit>", None, None),
+        ("<limit><lower>-0.5</lower></limit>", -0.5, None),
+        ("<limit><lower>-1e16</lower><upper>0.5</upper></limit>", None, 0.5),
+    ],
+)
+def test_a_limit_that_is_not_given_is_none(
+    tmp_path: Path, limit: str, lower: float | None, upper: float | None
+) -> None:
+    robot = load(tmp_path, SLIDE.format(limit))
+
+    limits = robot.description.joints[0].limits
+    assert (limits.lower, limits.upper) == (lower, upper)
+    assert (limits.effort, limits.velocity) == (None, None)
+    assert [entry for entry in robot.report if "limit" in entry.what] == []
+
+
+def test_what_is_no_limit_or_no_direction_is_an_error(tmp_path: Path) -> None:
+    model = SLIDE.format("<limit><upper>far</upper></limit>").replace("1 0 0", "0 0 0")
+
+    found = [str(e).partition("model.sdf: ")[2] for e in load(tmp_path, model).report]
+
+    assert found[:2] == [
+        "joint 'j': axis: expected a direction x, y, z, got '0 0 0'; taken as 0 0 1",
+        "joint 'j': limit upper: expected a number, got 'far'; taken as not given",
+    ]
+
+
 def test_joints_follow_others(tmp_path: Path) -> None:
     follower = """<mimic joint="swing" axis="axis"><multiplier>2</multiplier>
       <offset>0.5</offset><reference>0.1</reference></mimic></axis></joint>"""
@@ -164,6 +209,39 @@ def test_joints_follow_others(tmp_path: Path) -> None:
     assert mimic.offset == pytest.approx(0.3)
 
 
+def test_joints_connect_frames_too(tmp_path: Path) -> None:
+    model = """<model name="m"><link name="a"/><link name="b"><pose>0 0 1 0 0 0</pose>
+      </link><frame name="top" attached_to="a"><pose>0 0 2 0 0 0</pose></frame>
+      <frame name="axle" attached_to="b"><pose>0.5 0 0 0 0 0</pose></frame>
+      <joint name="j" type="revolute"><parent>top</parent><child>axle</child>
+      <axis><xyz>1 0 0</xyz></axis></joint></model>"""
+
+    (joint,) = load(tmp_path, model).description.joints
+
+    assert (joint.parent, joint.child) == ("a", "b")
+    # The joint is where the frame of its child is.
+    assert joint.origin.xyz == pytest.approx((0.5, 0.0, 1.0))
+
+
+def test_long_chains_of_poses_are_read_or_refused(tmp_path: Path) -> None:
+    links = [
+        "".join(
+            f"""<link name="l{i}"><pose relative_to="l{i - 1}">0 0 0.1 0 0 0</pose>
+        </link><joint name="j{i}" type="fixed">
+        <parent>l{i - 1}</parent><child>l{i}</child></joint>"""
+            for i in order
+        )
+        for order in (range(1, 400), range(399, 0, -1))
+    ]
+
+    robots = [f'<model name="m"><link name="l0"/>{each}</model>' for each in links]
+
+    last = load(tmp_path, robots[0]).description.joint("j399")
+    assert last.origin.xyz == pytest.approx((0.0, 0.0, 0.1))
+    with pytest.raises(DescriptionError, match="more than 300 poses are relative"):
+        load(tmp_path, robots[1])
+
+
 def test_axes_of_old_files_are_in_the_model(tmp_path: Path) -> None:
     model = """<model name="m"><link name="a"/><link name="b"/>
       <joint name="j" type="revolute"><parent>a</parent><child>b</child>
@@ -174,6 +252,48 @@ def test_axes_of_old_files_are_in_the_model(tmp_path: Path) -> None:
 
     assert axes[0] == pytest.approx((0.0, -1.0, 0.0))
     assert axes[1] == pytest.approx((1.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("version", "found"),
+    [("", "no version"), ("1.9.2", "the version '1.9.2'"), ("2", "the version '2'")],
+)
+def test_a_file_needs_a_version(tmp_path: Path, version: str, found: str) -> None:
+    with pytest.raises(DescriptionError) as caught:
+        load(tmp_path, '<model name="m"><link name="a"/></model>', version)
+
+    expected = f'<sdf> has {found}; expected such as version="1.9"'
+    assert str(caught.value) == f"{tmp_path}/model.sdf: {expected}"
+
+
+def test_further_models_springs_and_lost_shapes_are_told(tmp_path: Path) -> None:
+    shape = "<collision name='c'><geometry><plane/></geometry></collision>"
+    stiff = "<dynamics><spring_stiffness>3</spring_stiffness></dynamics>"
+    model = SLIDE.format(stiff).replace('name="a"/>', f'name="a">{shape}</link>')
+
+    found = [
+        str(entry).replace(f"{tmp_path}/model.sdf: ", "")
+        for entry in load(tmp_path, f'{model}<model name="n"/>').report
+    ]
+
+    assert found[:3] == [
+        "warning: models 'n'; the file's first, 'm', is the robot",
+        "error: link 'a': geometry <plane> of collision 'c'; it is left out",
+        "warning: joint 'j': <spring_stiffness> of the axis; it is left out",
+    ]
+
+
+@pytest.mark.parametrize("yes", ["true", "1"])
+def test_what_is_true_may_be_a_number(tmp_path: Path, yes: str) -> None:
+    model = f"""<model name="m"><link name="a"/><link name="b"/>
+      <joint name="j" type="revolute"><parent>a</parent><child>b</child>
+      <pose degrees="{yes}">0 0 0 0 0 90</pose><axis><xyz>1 0 0</xyz>
+      <use_parent_model_frame>{yes}</use_parent_model_frame></axis></joint></model>"""
+
+    (joint,) = load(tmp_path, model, "1.6").description.joints
+
+    assert joint.origin.rpy == pytest.approx((0.0, 0.0, math.pi / 2.0))
+    assert joint.axis == pytest.approx((0.0, -1.0, 0.0))
 
 
 @pytest.mark.parametrize(
@@ -198,7 +318,20 @@ def test_axes_of_old_files_are_in_the_model(tmp_path: Path) -> None:
         (
             '<model name="m"><link name="a"/><joint name="j" type="fixed">'
             "<parent>a</parent><child>c</child></joint></model>",
-            "joint 'j': no link 'c'; known: a",
+            "joint 'j': no link or frame 'c'; known: a",
+        ),
+        (
+            '<model name="m"><link name="a"/><joint name="j" type="fixed"><parent>a'
+            '</parent><child>n::c</child></joint><model name="n"><link name="c"/>'
+            "</model></model>",
+            "joint 'j': no link or frame 'n::c': models in the model and includes are "
+            "left out",
+        ),
+        (
+            '<model name="m"><link name="a"/><joint name="j" type="fixed"><parent>f'
+            '</parent><child>a</child></joint><frame name="f" attached_to="g"/>'
+            '<frame name="g" attached_to="f"/></model>',
+            "joint 'j': frame 'f' is attached to itself",
         ),
     ],
 )
@@ -211,14 +344,16 @@ def test_what_is_no_robot_is_refused(tmp_path: Path, text: str, message: str) ->
 
 def test_what_urdf_has_no_words_for_is_reported(tmp_path: Path) -> None:
     model = """<model name="m"><link name="a"><gravity>false</gravity>
+      <inertial auto="true"/>
       <collision name="hill"><geometry><heightmap/></geometry></collision></link>
       <link name="b"/><model name="n"><link name="c"/></model>
       <joint name="j" type="screw"><parent>a</parent><child>b</child></joint></model>"""
 
     found = [str(e).partition("model.sdf: ")[2] for e in load(tmp_path, model).report]
 
+    assert "link 'a': <inertial auto>; its mass is 1 kg" in found
     assert "<model> in the model; it is left out" in " ".join(found)
-    assert "collision 'hill': geometry <heightmap>" in " ".join(found)
+    assert "link 'a': geometry <heightmap> of collision 'hill'; it is left out" in found
     assert "joint 'j': a joint of type 'screw'; the joint is fixed" in found
     assert "<gazebo> tags <gravity>; they have no effect" in found
 
@@ -226,9 +361,16 @@ def test_what_urdf_has_no_words_for_is_reported(tmp_path: Path) -> None:
 def test_a_base_beside_the_model_is_told(tmp_path: Path) -> None:
     model = '<model name="m"><link name="a"><pose>0 0 0.2 0 0 0</pose></link></model>'
 
+    loose = model.replace("<link", '<link name="b"/><link', 1)
+
     (told,) = [e for e in load(tmp_path, model).report if "model" in e.what]
+    (moved,) = [e for e in load(tmp_path, loose).report if "model" in e.what]
 
     assert str(told) == (
         f"info: {tmp_path}/model.sdf: link 'a': the base is at 0 0 0.2 0 0 0 in the "
         "model; a pose of the robot is that of the base, not of the model"
+    )
+    assert str(moved) == (
+        f"warning: {tmp_path}/model.sdf: link 'a': at 0 0 0.2 0 0 0 in the model, "
+        "where no joint holds it; it is put where the robot's pose is"
     )

@@ -55,3 +55,26 @@ def test_a_large_ball_has_no_more_facets_than_one_that_is_held(tmp_path: Path) -
         if f"ball{radius}" in inspector.GetName(inspector.GetFrameId(geometry))
     )
     assert large <= 2 * small
+
+
+def test_a_flat_ellipsoid_has_few_facets(tmp_path: Path) -> None:
+    disk = "<geometry><ellipsoid><radii>1 0.01 1</radii></ellipsoid></geometry>"
+    path = tmp_path / "world.sdf"
+    path.write_text(
+        '<sdf version="1.9"><world name="w"><model name="disk"><link name="link">'
+        f'<collision name="c">{disk}</collision></link></model></world></sdf>'
+    )
+    robot = models.load(tmp_path, models.TWO_LINKS)
+
+    diagram = ad.build_diagram(robot, world=path)
+
+    scene_graph = diagram.GetSubsystemByName("scene_graph")
+    assert isinstance(scene_graph, SceneGraph)
+    inspector = scene_graph.model_inspector()
+    (mesh,) = (
+        inspector.maybe_get_hydroelastic_mesh(geometry)
+        for geometry in inspector.GetAllGeometryIds(Role.kProximity)
+        if "disk" in inspector.GetName(inspector.GetFrameId(geometry))
+    )
+    # With facets of 1 cm it has half a million.
+    assert mesh.num_elements() < 10_000
