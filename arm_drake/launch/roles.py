@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from arm_drake import yaml_files
 from arm_drake.description.elements import parse_float
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
@@ -217,7 +218,7 @@ class Roles:
                 world = values.get("world_sdf_file", "")
                 self._read_gz(split_words(f"{words} {world}"), record)
             case (("ros_gz_bridge" | "ros_ign_bridge"), _):
-                self._add_bridge_file(values.get("config_file", ""))
+                self._add_bridge_file(values.get("config_file", ""), record)
             case _:
                 self._leave_out(f"{package}/{name}", "launch file")
 
@@ -626,15 +627,18 @@ class Roles:
             if "@" in word:
                 topic = word.partition("@")[0]
                 self._bridges.append(Bridge(word, _renamed(topic, record)))
-        self._add_bridge_file(_merge(record).get("config_file", ""))
+        self._add_bridge_file(_merge(record).get("config_file", ""), record)
 
     def _read_image_bridge(self, record: Mapping[str, Any]) -> None:
         for topic in positional(record.get("arguments", ()), ()):
             word = f"{topic}@sensor_msgs/msg/Image[gz.msgs.Image"
             self._bridges.append(Bridge(word, _renamed(topic, record)))
 
-    def _add_bridge_file(self, name: str) -> None:
-        if name:
+    def _add_bridge_file(self, name: Any, record: Mapping[str, Any]) -> None:
+        if not isinstance(name, str):
+            what = f"config_file: expected a file's name, got {name!r}"
+            self._add("error", "invalid", what, "it is left out", record)
+        elif name:
             self._bridge_files.append(self._finder.real(Path(name)))
 
     def _read_static_frame(self, record: Mapping[str, Any]) -> None:
@@ -701,8 +705,8 @@ def _is_true(values: Mapping[str, str], name: str, default: str = "false") -> bo
 
 def _parse(text: str) -> Any:
     try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError:
+        return yaml_files.parse(text)
+    except yaml_files.YamlError:
         return None
 
 
