@@ -13,6 +13,7 @@ http://sdformat.org/tutorials?tut=pose_frame_semantics.
 """
 
 import copy
+import functools
 import math
 import re
 import xml.etree.ElementTree as ET
@@ -41,11 +42,15 @@ FileFinder = Callable[[str, Path], Path | None]
 
 _MODEL = "__model__"
 
-# The name of the topmost element, behind a declaration and comments.
-_FIRST_TAG = re.compile(r"\ufeff?\s*(?:<\?.*?\?>\s*|<!--.*?-->\s*)*<(\w+)", re.DOTALL)
+# What may stand before the topmost element, and that element's name.
+_BEFORE = re.compile(r"\s*(?:<\?.*?\?>|<!--.*?-->)", re.DOTALL)
+_TAG = re.compile(r"\s*<(\w+)")
 
 # SDF's joints that move about or along one axis, as URDF's.
 _AXES = {"revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic"}
+
+# So many poses may be relative to each other; what finds them is recursive.
+_MAX_FRAMES = 100
 
 # Positions from which on SDF has no limit [rad] or [m].
 _NO_LIMIT = 1e15
@@ -70,7 +75,10 @@ _OF_MODELS |= {"allow_auto_disable", "enable_wind"}
 
 def is_sdf(text: str) -> bool:
     """Return whether the text of a description is SDF."""
-    first = _FIRST_TAG.match(text)
+    start = 1 if text.startswith("\ufeff") else 0
+    while before := _BEFORE.match(text, start):
+        start = before.end()
+    first = _TAG.match(text, start)
     return first is not None and first[1] == "sdf"
 
 
@@ -96,7 +104,10 @@ def convert_sdf(text: str, file: Path, report: LoadReport, find: FileFinder) -> 
         what += "" if holder is None else " <world>, which --world takes"
         raise DescriptionError(f"<sdf>: expected {what}", file=file)
     version = re.findall(r"[0-9]+", root.get("version", ""))
-    is_old = tuple(map(int, version[:2])) < _AXES_IN_JOINT
+    is_old = tuple(int(number[:9]) for number in version[:2]) < _AXES_IN_JOINT
+    for other in root.findall("model")[1:]:
+        what = f"a second model {attribute(other, 'name')!r}"
+        report.add("warning", "unsupported", what, "it is left out", file=file)
     return _Model(model, file, report, find, has_axes_in_model=is_old).write()
 
 
@@ -185,21 +196,37 @@ class _Model:
 
     # Frames.
 
+    @functools.cached_property
+    def _named(self) -> Mapping[str, ET.Element]:
+        """What poses may be relative to, by name."""
+        tags = ("link", "joint", "frame")
+        return {attribute(e, "name"): e for e in self.model if e.tag in tags}
+
+    @functools.cached_property
+    def _poses(self) -> dict[str, Array]:
+        """Poses in the model by name, as far as they were found."""
+        return {}
+
     def _frame(self, name: str, passed: tuple[str, ...] = ()) -> Array:
         """Return the pose of a link, joint or frame in the model, shape (4, 4)."""
         if name in ("", _MODEL, WORLD):
             return np.eye(4)
-        found = {
-            attribute(e, "name"): e
-            for e in self.model
-            if e.tag in ("link", "joint", "frame")
-        }
+        if name not in self._poses:
+            self._poses[name] = self._find_frame(name, passed)
+        return self._poses[name]
+
+    def _find_frame(self, name: str, passed: tuple[str, ...]) -> Array:
+        found = self._named
         where = f"model {attribute(self.model, 'name')!r}"
         if name not in found:
             problem = f"no link, joint or frame {name!r}; {suggest(name, found)}"
             raise DescriptionError(problem, file=self.file, where=where)
         if name in passed:
             problem = f"the pose of {name!r} is relative to itself"
+            raise DescriptionError(problem, file=self.file, where=where)
+        if len(passed) > _MAX_FRAMES:
+            problem = f"the pose of {passed[0]!r} is relative to that of {passed[1]!r}"
+            problem += f", and so on for more than {_MAX_FRAMES} frames"
             raise DescriptionError(problem, file=self.file, where=where)
         element = found[name]
         default = {
@@ -386,10 +413,13 @@ class _Model:
         axis = joint.find("axis")
         xyz = None if axis is None else axis.find("xyz")
         words = [parse_number(word) for word in text_of(xyz).split()]
+        numbers = [n for n in words if n is not None and abs(n) < _NO_LIMIT]
         direction = np.array([0.0, 0.0, 1.0])
-        if len(words) == 3 and None not in words and any(words):
-            direction = np.array(words, dtype=float)
-            direction /= np.linalg.norm(direction)
+        if len(numbers) == len(words) == 3 and any(numbers):
+            direction = np.array(numbers) / np.linalg.norm(numbers)
+        elif xyz is not None:
+            what = f"<xyz> of the axis: expected a direction, got {text_of(xyz)!r}"
+            self._note("error", "invalid", what, "0 0 1 is taken", joint)
         other = "" if xyz is None else attribute(xyz, "expressed_in")
         is_parents = text_of(axis, "use_parent_model_frame")
         if not other and (self.has_axes_in_model or parse_bool(is_parents)):
@@ -400,11 +430,15 @@ class _Model:
         ET.SubElement(written, "axis", xyz=_words(np.round(direction, 12) + 0.0))
         if axis is None:
             return
-        limits = {
-            key: number
-            for key in ("lower", "upper", "effort", "velocity")
-            if (number := parse_number(text_of(axis, f"limit/{key}"))) is not None
-        }
+        limits = {}
+        for key in ("lower", "upper", "effort", "velocity"):
+            text = text_of(axis, f"limit/{key}")
+            number = parse_number(text)
+            if number is not None and not math.isnan(number):
+                limits[key] = number
+            elif text:
+                what = f"limit <{key}>: expected a number, got {text!r}"
+                self._note("error", "invalid", what, "taken as not given", joint)
         has_range = any(abs(limits.get(k, _NO_LIMIT)) < _NO_LIMIT for k in _RANGE)
         if written.get("type") == "revolute" and not has_range:
             written.set("type", "continuous")
