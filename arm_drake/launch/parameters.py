@@ -14,6 +14,7 @@ from typing import Any
 import yaml
 
 from arm_drake.launch.substitutions import (
+    Described,
     LaunchContext,
     Substitution,
     SubstitutionFailure,
@@ -57,6 +58,8 @@ def save_parameters(
 
 def read_value(text: str) -> Any:
     """Return a value of a parameter as a command line or an XML file has it."""
+    if isinstance(text, Described):  # Not to be expanded for this.
+        return text
     try:
         found = yaml.safe_load(text)
     except yaml.YAMLError:

@@ -79,6 +79,10 @@ _INSTEAD = {
 }
 
 
+# What stands for a description is no larger, with spaces around [bytes].
+_LARGEST_KEY = 100
+
+
 @dataclass(frozen=True)
 class NotStarted:
     """Something of a launch file that isn't run here."""
@@ -562,8 +566,11 @@ class Roles:
 
         topic, file, text = option("topic"), option("file"), option("string")
         description = None
-        if file is not None:
-            path = Path(file)
+        path = None if file is None else Path(file)
+        if path is not None and _has_key(path):
+            text = _read_text(path)
+            path = None
+        if path is not None:
             if path.suffix == ".sdf" or (_is_file(path) and _is_sdf(path)):
                 if not _is_file(path):
                     what, done = f"no such model: {path}", "it is left out"
@@ -727,6 +734,12 @@ def _is_file(path: Path) -> bool:
         return path.is_file()
     except (OSError, ValueError):  # Such as a name that is too long.
         return False
+
+
+def _has_key(path: Path) -> bool:
+    """Return whether a launch file wrote there what stands for a description."""
+    is_small = _is_file(path) and path.stat().st_size < _LARGEST_KEY
+    return is_small and KEY.fullmatch(_read_text(path).strip()) is not None
 
 
 def _is_robot(path: Path) -> bool:
