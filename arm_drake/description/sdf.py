@@ -457,9 +457,9 @@ class _Model:
         xyz = None if axis is None else axis.find("xyz")
         words = [parse_number(word) for word in text_of(xyz).split()]
         direction = np.array([0.0, 0.0, 1.0])
-        if len(words) == 3 and None not in words and any(words):
-            direction = np.array(words, dtype=float)
-            direction /= np.linalg.norm(direction)
+        numbers = [n for n in words if n is not None and abs(n) < _NO_LIMIT]
+        if len(numbers) == len(words) == 3 and any(numbers):
+            direction = np.array(numbers) / np.linalg.norm(numbers)
         elif words:
             what = f"axis: expected a direction x, y, z, got {text_of(xyz)!r}"
             self._note("error", "invalid", what, "taken as 0 0 1", joint)
@@ -503,10 +503,10 @@ class _Model:
         none = -math.inf if key == "lower" else math.inf
         text = text_of(axis, f"limit/{key}")
         number = parse_number(text)
-        if text and number is None:
+        if text and (number is None or math.isnan(number)):
             what = f"limit {key}: expected a number, got {text!r}"
             self._note("error", "invalid", what, "taken as not given", joint)
-        if number is None or abs(number) >= _NO_LIMIT:
+        if number is None or not abs(number) < _NO_LIMIT:
             return none
         return number if key in _RANGE or number >= 0.0 else none
 

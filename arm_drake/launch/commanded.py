@@ -6,6 +6,7 @@ from typing import Any
 
 import yaml
 
+from arm_drake import yaml_files
 from arm_drake.description.elements import parse_float
 from arm_drake.launch.words import positional, value_of
 
@@ -38,8 +39,11 @@ def read_goal(words: Sequence[str], time: float) -> dict[str, Any] | None:
     step: dict[str, Any] = {"at": time, "controller": controller}
     data = _parse(text)
     if kind == "follow_joint_trajectory" and data:
-        goal = {k: v for k, v in data.items() if k != "trajectory"}
-        return step | {"goal": goal | dict(data.get("trajectory", {}))}
+        goal, trajectory = dict(data), data.get("trajectory")
+        if isinstance(trajectory, Mapping):
+            del goal["trajectory"]
+            goal |= trajectory
+        return step | {"goal": goal}
     if kind == "gripper_cmd" and data:
         return step | {"gripper_command": data.get("command", {})}
     return None
@@ -47,8 +51,8 @@ def read_goal(words: Sequence[str], time: float) -> dict[str, Any] | None:
 
 def _parse(text: str) -> dict[str, Any]:
     try:
-        data = yaml.safe_load(text)
-    except yaml.YAMLError:
+        data = yaml_files.parse(text)
+    except yaml_files.YamlError:
         data = None
     return dict(data) if isinstance(data, Mapping) else {}
 

@@ -461,6 +461,10 @@ def install(context: Context, find_sources: Callable[[str], str | None]) -> None
     for module, names in _LOOKING.items():
         for name in names:
             vars(module)[name] = substitutions.expanding(getattr(module, name))
+    compile_pattern = substitutions.expanding(re.compile)
+    vars(re)["compile"] = lambda *args, **kwargs: substitutions.Pattern(
+        compile_pattern(*args, **kwargs)
+    )
     finder = _Finder(find_sources)
     # Before others for the modules of launch, after them for packages' own.
     sys.meta_path.insert(0, finder)
@@ -719,6 +723,7 @@ def _launch(run: LaunchRun, request: Mapping[str, Any]) -> dict[str, Any] | None
     """Run a launch file; return what is wrong."""
     try:
         run.run(request["file"], request["arguments"])
+        run.records[:] = run.context.filled(run.records)
     except PackageNotFoundError as error:
         return {"kind": "package", "name": error.args[0], **_place(error, run)}
     except LaunchError as error:

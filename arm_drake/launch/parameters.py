@@ -14,6 +14,7 @@ from typing import Any
 import yaml
 
 from arm_drake.launch.substitutions import (
+    Described,
     LaunchContext,
     Substitution,
     SubstitutionFailure,
@@ -39,6 +40,8 @@ def read_parameter_file(path: str) -> Any:
     except yaml.YAMLError as error:
         reason = " ".join(str(error).split())
         raise SubstitutionFailure(f"{path} can't be read: {reason}") from None
+    except RecursionError:
+        raise SubstitutionFailure(f"{path} is nested too deeply") from None
 
 
 def save_parameters(
@@ -55,6 +58,8 @@ def save_parameters(
 
 def read_value(text: str) -> Any:
     """Return a value of a parameter as a command line or an XML file has it."""
+    if isinstance(text, Described):  # Not to be expanded for this.
+        return text
     try:
         found = yaml.safe_load(text)
     except yaml.YAMLError:
@@ -173,11 +178,11 @@ def _poses_of(text: str) -> dict[str, dict[str, float]]:
         name, _, pose = part.partition("=")
         try:
             data = yaml.safe_load(pose)
-        except yaml.YAMLError:
+        except (yaml.YAMLError, RecursionError):
             data = None
         if not isinstance(data, Mapping):
             problem = "expected NAME={x: 0.0, y: 0.0, yaw: 0.0}; ..."
-            raise SubstitutionFailure(f"robots {text!r}: {problem}")
+            raise SubstitutionFailure(f"robots {text[:200]!r}: {problem}")
         poses[name.strip()] = {**dict.fromkeys(_AXES, 0.0), **data}
     return poses
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from arm_drake import yaml_files
 from arm_drake.description.bridge import TopicAlias
 from arm_drake.description.controllers import ControllerConfig
 from arm_drake.description.elements import parse_xml
@@ -499,9 +500,11 @@ def has_controllers(parameters: Sequence[Any]) -> bool:
     for each in parameters:
         data: Any = {"ros__parameters": each}
         if isinstance(each, str):
+            if not (path := Path(each)).is_file():  # A pipe would be read for ever.
+                continue
             try:
-                data = yaml.safe_load(Path(each).read_text(encoding="utf-8"))
-            except (OSError, UnicodeError, yaml.YAMLError):
+                data = yaml_files.load(path)
+            except yaml_files.YamlError:
                 continue
         if _has_types(data, "ros__parameters"):
             return True

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from arm_drake import yaml_files
 from arm_drake.description.elements import parse_float
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
@@ -76,6 +77,10 @@ _INSTEAD = {
     "teleop_twist_keyboard": "the page's teleop moves a base",
     "twist_mux": "a base takes whatever command comes last",
 }
+
+
+# What stands for a description is no larger, with spaces around [bytes].
+_LARGEST_KEY = 100
 
 
 @dataclass(frozen=True)
@@ -217,7 +222,7 @@ class Roles:
                 world = values.get("world_sdf_file", "")
                 self._read_gz(split_words(f"{words} {world}"), record)
             case (("ros_gz_bridge" | "ros_ign_bridge"), _):
-                self._add_bridge_file(values.get("config_file", ""))
+                self._add_bridge_file(values.get("config_file", ""), record)
             case _:
                 self._leave_out(f"{package}/{name}", "launch file")
 
@@ -561,8 +566,11 @@ class Roles:
 
         topic, file, text = option("topic"), option("file"), option("string")
         description = None
-        if file is not None:
-            path = Path(file)
+        path = None if file is None else Path(file)
+        if path is not None and _has_key(path):
+            text = _read_text(path)
+            path = None
+        if path is not None:
             if path.suffix == ".sdf" or (_is_file(path) and _is_sdf(path)):
                 if not _is_file(path):
                     what, done = f"no such model: {path}", "it is left out"
@@ -626,15 +634,18 @@ class Roles:
             if "@" in word:
                 topic = word.partition("@")[0]
                 self._bridges.append(Bridge(word, _renamed(topic, record)))
-        self._add_bridge_file(_merge(record).get("config_file", ""))
+        self._add_bridge_file(_merge(record).get("config_file", ""), record)
 
     def _read_image_bridge(self, record: Mapping[str, Any]) -> None:
         for topic in positional(record.get("arguments", ()), ()):
             word = f"{topic}@sensor_msgs/msg/Image[gz.msgs.Image"
             self._bridges.append(Bridge(word, _renamed(topic, record)))
 
-    def _add_bridge_file(self, name: str) -> None:
-        if name:
+    def _add_bridge_file(self, name: Any, record: Mapping[str, Any]) -> None:
+        if not isinstance(name, str):
+            what = f"config_file: expected a file's name, got {name!r}"
+            self._add("error", "invalid", what, "it is left out", record)
+        elif name:
             self._bridge_files.append(self._finder.real(Path(name)))
 
     def _read_static_frame(self, record: Mapping[str, Any]) -> None:
@@ -701,8 +712,8 @@ def _is_true(values: Mapping[str, str], name: str, default: str = "false") -> bo
 
 def _parse(text: str) -> Any:
     try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError:
+        return yaml_files.parse(text)
+    except yaml_files.YamlError:
         return None
 
 
@@ -723,6 +734,12 @@ def _is_file(path: Path) -> bool:
         return path.is_file()
     except (OSError, ValueError):  # Such as a name that is too long.
         return False
+
+
+def _has_key(path: Path) -> bool:
+    """Return whether a launch file wrote there what stands for a description."""
+    is_small = _is_file(path) and path.stat().st_size < _LARGEST_KEY
+    return is_small and KEY.fullmatch(_read_text(path).strip()) is not None
 
 
 def _is_robot(path: Path) -> bool:

@@ -58,12 +58,25 @@ class Described(str):
         """Return that there is a text, for which it needn't be expanded."""
         return True
 
+    def __str__(self) -> str:
+        """Return what still takes the place of the description."""
+        return self
+
+    def __format__(self, spec: str) -> str:
+        return format(current().expanded(self), spec)
+
+    def __radd__(self, other: str) -> str:
+        return other + current().expanded(self)
+
+    def __rmod__(self, other: str) -> str:
+        return other % current().expanded(self)
+
 
 def _look_into(name: str) -> Callable[..., Any]:
     """Return a method of texts that has that of the expanded description."""
 
     def method(described: str, *args: Any, **kwargs: Any) -> Any:
-        whole = current().expanded(str(described))
+        whole = current().expanded(described)
         found = getattr(whole, name)(*args, **kwargs)
         return described if found == whole else found
 
@@ -72,20 +85,12 @@ def _look_into(name: str) -> Callable[..., Any]:
 
 # What only passes a text on isn't among them: that wouldn't need it expanded.
 _LOOKS = (
-    *("__contains__", "__getitem__", "__len__", "count", "encode", "find", "index"),
-    *(
-        "partition",
-        "replace",
-        "rfind",
-        "rindex",
-        "rpartition",
-        "rsplit",
-        "split",
-        "splitlines",
-    ),
-    "translate",
+    "__add__ __contains__ __getitem__ __iter__ __len__ __mod__ capitalize casefold "
+    "count encode endswith expandtabs find format format_map index lower lstrip "
+    "partition removeprefix removesuffix replace rfind rindex rpartition rsplit rstrip "
+    "split splitlines startswith strip swapcase title translate upper"
 )
-for _name in _LOOKS:
+for _name in _LOOKS.split():
     setattr(Described, _name, _look_into(_name))
 
 
@@ -107,6 +112,8 @@ class LaunchContext:
         # Launch files that are being read, and xacro descriptions that were asked for.
         self.files: list[str] = []
         self.descriptions: list[dict[str, Any]] = []
+        # Texts of those that were looked into, by their numbers.
+        self.expansions: dict[int, str] = {}
         self.parameters: list[Any] = []
         # What nodes that were started are given by name, by their names.
         self.started: dict[str, dict[str, Any]] = {}
@@ -124,10 +131,28 @@ class LaunchContext:
     def expanded(self, text: str) -> str:
         """Return a text, or that of the description which it takes the place of."""
         match = KEY.fullmatch(text)
-        if match is None:
-            return text
-        made = self.descriptions[int(match[1])]
-        return self.expand(made["file"], made["arguments"])
+        return text if match is None else self._expanded_of(match)
+
+    def filled(self, value: Any) -> Any:
+        """Return a value whose texts have descriptions among others, expanded."""
+        if isinstance(value, Mapping):
+            return {key: self.filled(each) for key, each in value.items()}
+        if isinstance(value, list | tuple):
+            return [self.filled(each) for each in value]
+        # Described's own strip would expand it.
+        if not isinstance(value, str) or KEY.fullmatch(str.strip(value)):
+            return value
+        return KEY.sub(self._expanded_of, value)
+
+    def _expanded_of(self, match: re.Match[str]) -> str:
+        number = int(match[1])
+        if number >= len(self.descriptions):  # Written by the launch file itself.
+            return match[0]
+        if number not in self.expansions:
+            made = self.descriptions[number]
+            found = self.expand(made["file"], made["arguments"])
+            self.expansions[number] = found
+        return self.expansions[number]
 
     def copy_scope(self) -> tuple[Any, ...]:
         """Return a copy of what actions have from those before them."""
@@ -161,6 +186,8 @@ def expanding(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return a function that is given descriptions, not what takes their place."""
 
     def whole(value: Any) -> Any:
+        if isinstance(value, Pattern):
+            return value.pattern_of_re
         return current().expanded(value) if isinstance(value, str) else value
 
     @functools.wraps(function)
@@ -175,6 +202,24 @@ def expanding(function: Callable[..., Any]) -> Callable[..., Any]:
     return wrapped
 
 
+class Pattern:
+    """A compiled pattern that is given descriptions, not what takes their place."""
+
+    def __init__(self, pattern: "re.Pattern[str]") -> None:
+        self.pattern_of_re = pattern
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        found = getattr(self.pattern_of_re, name)
+        return expanding(found) if callable(found) else found
+
+    @property  # type: ignore[misc]
+    def __class__(self) -> type:
+        """What launch files ask of it with isinstance."""
+        return re.Pattern
+
+
 def perform(context: LaunchContext, value: Any) -> str:
     """Return the text of a text, a substitution, or a list of them."""
     if isinstance(value, str | bytes):
@@ -185,7 +230,13 @@ def perform(context: LaunchContext, value: Any) -> str:
         return str(value.perform(context))
     if isinstance(value, Mapping) or not isinstance(value, Iterable):
         return str(value)
-    return "".join(perform(context, each) for each in value)
+    texts = [text for each in value if (text := perform(context, each))]
+    if len(texts) == 1:
+        return texts[0]
+    return "".join(
+        context.expanded(text) if isinstance(text, Described) else text
+        for text in texts
+    )
 
 
 def is_substitution(value: Any) -> bool:

@@ -1,13 +1,15 @@
 """Robots that SDF models describe."""
 
 import math
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import arm_drake as ad
-from arm_drake.description.sdf import is_sdf
+from arm_drake.description.report import LoadReport
+from arm_drake.description.sdf import convert_sdf, is_sdf
 from arm_drake.errors import DescriptionError
 
 BOX = "<geometry><box><size>0.4 0.2 0.1</size></box></geometry>"
@@ -340,6 +342,57 @@ def test_what_is_no_robot_is_refused(tmp_path: Path, text: str, message: str) ->
         load(tmp_path, text)
 
     assert str(caught.value) == f"{tmp_path}/model.sdf: {message}"
+
+
+def chain(num_links: int) -> str:
+    """Return a model whose links have poses relative to the one before."""
+    text = '<link name="l0"/>'
+    for i in range(1, num_links):
+        pose = f'<pose relative_to="l{i - 1}">0 0 0.1 0 0 0</pose>'
+        text += f"""<link name="l{i}">{pose}</link><joint name="j{i}" type="fixed">
+            <parent>l{i - 1}</parent><child>l{i}</child></joint>"""
+    return f'<model name="m">{text}</model>'
+
+
+def test_long_chains_of_poses_are_followed_in_time(tmp_path: Path) -> None:
+    path = tmp_path / "chain.sdf"
+    start = time.process_time()
+
+    text = convert_sdf(
+        f'<sdf version="1.9">{chain(300)}</sdf>',
+        path,
+        LoadReport(),
+        lambda address, folder: None,
+    )
+
+    # Found anew for each pose it takes the better part of a minute.
+    assert time.process_time() - start < 5.0
+    assert text.count("0 0 0.1") == 299
+
+
+def test_a_text_is_told_from_sdf_behind_many_comments() -> None:
+    comments = "<!-- a line -->\n" * 500
+
+    assert is_sdf(f'<?xml version="1.0"?>{comments}<sdf version="1.9"/>')
+    # What may stand in several places takes for ever here.
+    assert not is_sdf(f"{comments}<!DOCTYPE sdf>")
+
+
+@pytest.mark.parametrize("axis", ["1 0", "0 0 0", "nan 0 1", "inf 0 0", "one 0 0"])
+def test_an_axis_that_is_none_is_told(tmp_path: Path, axis: str) -> None:
+    model = f"""<model name="m"><link name="a"/><link name="b"/>
+      <joint name="j" type="revolute"><parent>a</parent><child>b</child>
+        <axis><xyz>{axis}</xyz><limit><lower>low</lower><upper>nan</upper></limit>
+        </axis></joint></model>"""
+
+    robot = load(tmp_path, model)
+
+    told = f"joint 'j': axis: expected a direction x, y, z, got {axis!r}"
+    assert f"{told}; taken as 0 0 1" in str(robot.report)
+    for key, text in (("lower", "low"), ("upper", "nan")):
+        told = f"limit {key}: expected a number, got {text!r}; taken as not given"
+        assert told in str(robot.report)
+    assert robot.description.joints[0].axis == pytest.approx((0.0, 0.0, 1.0))
 
 
 def test_what_urdf_has_no_words_for_is_reported(tmp_path: Path) -> None:

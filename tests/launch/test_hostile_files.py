@@ -211,6 +211,108 @@ def test_a_file_that_never_ends_is_ended(
     assert time.monotonic() - start < 60.0
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: &a\n  b: *a\n",
+        "a: &a [x]\n"
+        + "".join(
+            f"k{i + 1}: &k{i + 1} {{l: *{f'k{i}' if i else 'a'}, "
+            f"r: *{f'k{i}' if i else 'a'}}}\n"
+            for i in range(40)
+        ),
+        "{a: " * 3000 + "1" + "}" * 3000,
+        "a: " + "9" * 5000,
+    ],
+    ids=["contains itself", "multiplies", "deep", "a long number"],
+)
+def test_parameters_of_an_own_node_that_are_none_are_left_out(
+    package: Path, text: str
+) -> None:
+    (package / "config/own.yaml").write_text(text, encoding="utf-8")
+    path = describe(
+        package,
+        """
+        publisher(), spawner("forward"),
+        Node(package="own", executable="driver", name="controller_manager",
+             parameters=[os.path.join(PACKAGE, "config", "own.yaml")]),
+        """,
+    )
+
+    plan = ad.load_launch(path)
+
+    assert "own/driver" in [each.name for each in plan.not_started]
+
+
+def test_a_pipe_as_parameters_of_an_own_node_is_not_waited_for(package: Path) -> None:
+    os.mkfifo(package / "pipe")
+    path = describe(
+        package,
+        """
+        publisher(), spawner("forward"),
+        Node(package="own", executable="driver", name="controller_manager",
+             parameters=[os.path.join(PACKAGE, "pipe")]),
+        """,
+    )
+
+    plan = ad.load_launch(path)
+
+    assert "own/driver" in [each.name for each in plan.not_started]
+
+
+@pytest.mark.parametrize(
+    ("call", "expected"),
+    [
+        ("HasNodeParams(DEEP, 'a').perform(context)", "deep.yaml is nested too deeply"),
+        (
+            "ParseMultiRobotPose('a=' + '{x: ' * 3000).perform(context)",
+            "expected NAME={x: 0.0, y: 0.0, yaw: 0.0}; ...",
+        ),
+    ],
+)
+def test_what_is_nested_too_deeply_is_told_with_its_line(
+    package: Path, call: str, expected: str
+) -> None:
+    (package / "deep.yaml").write_text("[" * 3000 + "]" * 3000, encoding="utf-8")
+    before = f"""
+        from nav2_common.launch import HasNodeParams, ParseMultiRobotPose
+        DEEP = os.path.join(PACKAGE, "deep.yaml")
+        def call(context):
+            return [LogInfo(msg={call})]
+        """
+
+    told = message(describe(package, "OpaqueFunction(function=call)", before))
+
+    assert "test.launch.py:" in told
+    assert told.endswith(expected)
+
+
+def test_a_bridges_file_that_is_no_name_is_reported(package: Path) -> None:
+    entities = """
+        publisher(), manager(),
+        Node(package="ros_gz_bridge", executable="parameter_bridge",
+             parameters=[{"config_file": 5}]),
+        """
+
+    plan = ad.load_launch(describe(package, entities))
+
+    assert "config_file: expected a file's name, got 5" in str(plan.report)
+
+
+def test_a_trajectory_that_is_none_is_refused(package: Path) -> None:
+    entities = """
+        publisher(), manager(), spawner("arm_controller"),
+        ExecuteProcess(cmd=["ros2", "action", "send_goal",
+            "/arm_controller/follow_joint_trajectory",
+            "control_msgs/action/FollowJointTrajectory", "{trajectory: 5}"]),
+        """
+
+    plan = ad.load_launch(describe(package, entities))
+
+    with pytest.raises(ArmDrakeError, match="goal: expected a mapping, got 5"):
+        plan.load_scene()
+
+
 @pytest.mark.slow
 def test_actions_that_start_each_other_for_ever_are_ended(package: Path) -> None:
     before = """

@@ -8,7 +8,7 @@ import yaml
 
 import arm_drake as ad
 from arm_drake.cli import main
-from arm_drake.errors import InputError, PackageError
+from arm_drake.errors import ArmDrakeError, InputError, PackageError
 from arm_drake.launch.launch_files import load_arguments
 from tests.launch.packages import describe, make_package, write_launch
 
@@ -315,6 +315,9 @@ def test_an_argument_that_names_no_package_is_told(
         "by_tree(text)",
         "by_pattern(text)",
         "by_document(text)",
+        "by_lines(f'  {text}'.strip())",
+        "by_compiled(str(text).lstrip() + '\\n')",
+        "by_compiled('%s' % text.removeprefix('<!-- nothing -->'))",
     ],
 )
 def test_the_text_of_a_description_may_be_changed(package: Path, change: str) -> None:
@@ -340,8 +343,20 @@ def test_the_text_of_a_description_may_be_changed(package: Path, change: str) ->
         document.getElementsByTagName("child")[0].setAttribute("link", "pole")
         return document.toxml()
 
+    def by_lines(text):
+        if not text.startswith("<?xml") or not text.endswith("</robot>"):
+            raise RuntimeError("not the whole text")
+        lines = (line + "\\n" for line in text.split("\\n"))
+        return by_pattern("".join(lines))
+
+    def by_compiled(text):
+        pattern = re.compile('link( name)?="arm"')
+        if not isinstance(pattern, re.Pattern) or re.findall(pattern, "arm"):
+            raise RuntimeError("no pattern")
+        return pattern.sub(r'link\\1="pole"', text)
+
     def start(context):
-        text = Command(XACRO).perform(context)
+        text = context.perform_substitution([Command(XACRO)])
         if "<ros2_control" not in text:
             raise RuntimeError("no ros2_control tag")
         return [Node(
@@ -352,6 +367,69 @@ def test_the_text_of_a_description_may_be_changed(package: Path, change: str) ->
 
     (robot,) = plan.load_scene().robots
     assert list(robot.description.links) == ["world", "pole"]
+
+
+@pytest.mark.slow
+def test_what_stands_beside_a_description_stays_there(package: Path) -> None:
+    before = """
+    def start(context):
+        text = "".join(["mine: ", Command(XACRO).perform(context)])
+        return [LogInfo(msg=text)]
+    """
+    path = describe(package, "publisher(), OpaqueFunction(function=start),", before)
+
+    report = ad.load_launch(path).report
+
+    assert ["mine: <?xml" in e.what and "<link" in e.what for e in report] == [True]
+
+
+@pytest.mark.slow
+def test_an_expression_counts_a_description_whole(package: Path) -> None:
+    words = ["len('''", "''') > 500"]
+    expression = f"PythonExpression([{words[0]!r}, Command(XACRO), {words[1]!r}])"
+    path = describe(package, f"publisher(), LogInfo(msg={expression}),")
+
+    assert "True; so says" in str(ad.load_launch(path).report)
+
+
+def test_a_description_may_be_spawned_from_a_file_that_has_it(package: Path) -> None:
+    before = """
+    import tempfile
+
+    def start(context):
+        with tempfile.NamedTemporaryFile("w", suffix=".urdf", delete=False) as file:
+            file.write(Command(XACRO).perform(context))
+        words = ["-file", file.name, "-name", "arm"]
+        return [Node(package="ros_gz_sim", executable="create", arguments=words)]
+    """
+    path = describe(package, "OpaqueFunction(function=start),", before)
+
+    (robot,) = ad.load_launch(path).robots
+
+    assert robot.source == package / "urdf" / "pendulum.urdf.xacro"
+
+
+def test_a_description_that_is_only_passed_on_is_not_expanded(package: Path) -> None:
+    entities = """
+        publisher(["xacro ", os.path.join(PACKAGE, "nothing.xacro")]),
+        manager(), spawner("forward"),
+        """
+
+    plan = ad.load_launch(describe(package, entities))
+
+    with pytest.raises(ArmDrakeError, match="no such file or folder"):
+        plan.load_scene()
+
+
+def test_a_key_that_no_description_has_is_a_text(package: Path) -> None:
+    before = """
+    import re
+
+    KEY = '<robot key="7" by="arm_drake"/>'
+    """
+    path = describe(package, "publisher(), LogInfo(msg=re.sub('o', '0', KEY)),", before)
+
+    assert "<r0b0t" in str(ad.load_launch(path).report)
 
 
 @pytest.mark.slow
