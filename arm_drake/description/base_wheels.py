@@ -191,13 +191,13 @@ def _is_wheel(
     if abs(float((R @ joint.unit_axis)[2])) >= _LEVEL:
         return False
     bottom = _lowest(description, rigid_links(description, joint.child))
+    if not math.isfinite(bottom):
+        return False  # Without a shape to collide with it can't roll.
     radius = place_in_root(description, joint.child, (0.0, 0.0, 0.0))[2] - bottom
     carriers = {
         link for j in (joint, *above) for link in rigid_links(description, j.parent)
     }
-    # Without a shape to collide with it can't roll.
-    is_low = bottom < _lowest(description, carriers) + _BESIDE_GROUND * radius
-    return math.isfinite(bottom) and bool(is_low)
+    return bool(bottom < _lowest(description, carriers) + _BESIDE_GROUND * radius)
 
 
 # How far above the lowest point of its robot a wheel may end, per radius: casters and
