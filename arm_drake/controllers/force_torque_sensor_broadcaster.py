@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 
-from arm_drake.arrays import Array
+from arm_drake.arrays import Array, cross
 from arm_drake.control.admittance import ChainKinematics
 from arm_drake.control.filters import (
     ChainState,
@@ -354,7 +354,7 @@ class GravityCompensation(NamedTuple):
         f = self.tool.weight
         arm = X_WS[:3, :3] @ self.tool.center_of_gravity + X_WS[:3, 3] - X_WF[:3, 3]
         R_FW = X_WF[:3, :3].T
-        return WrenchDifference(np.concatenate([R_FW @ f, R_FW @ np.cross(arm, f)]))
+        return WrenchDifference(np.concatenate([R_FW @ f, R_FW @ cross(arm, f)]))
 
 
 def _place(

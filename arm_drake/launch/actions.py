@@ -751,10 +751,9 @@ class LaunchRun:
         values["arguments"] = arguments
         for key, more in from_words.items():
             values[key] = [*values.get(key, ()), *more]
-        full = join_names(values["namespace"], values["name"] or executable)
+        full = join_names(values["namespace"], values["name"] or executable).lstrip("/")
         given = [p for p in values.get("parameters", ()) if isinstance(p, Mapping)]
-        full = f"/{full.lstrip('/')}"
-        self.context.started[full] = {k: v for p in given for k, v in p.items()}
+        self.context.started[f"/{full}"] = {k: v for p in given for k, v in p.items()}
         self.start(action, "node", package=package, executable=executable, **values)
 
     def start(self, action: ExecuteLocal, kind: str, **values: Any) -> None:
