@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import arm_drake as ad
-from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page import Page, WidgetEvent
 from arm_drake.visualization.page.live_simulation import LiveSimulation
 from arm_drake.visualization.page.motion_planning import (
     GOAL_COLOR,
@@ -79,7 +79,7 @@ def live(page: Page, robot: ad.Robot) -> LiveSimulation:
 def click(subject: RobotViewer | LiveSimulation, *what: Any) -> MotionPlanning:
     """Do what was clicked in one go: names, or names with values."""
     pairs = [each if isinstance(each, tuple) else (each, None) for each in what]
-    subject.handle([Event(f"plan:{name}", value) for name, value in pairs])
+    subject.handle([WidgetEvent(f"plan:{name}", value) for name, value in pairs])
     return subject.planning
 
 
