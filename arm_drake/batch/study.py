@@ -279,14 +279,6 @@ def _count(value: Value, least: float = 1.0) -> int:
     return int(number)
 
 
-def _seed(value: Value) -> int:
-    return _count(value, 0.0)
-
-
-def _duration(value: Value) -> float:
-    return value.number(0.0, is_open=True)
-
-
 def _read_measures(value: Value) -> "Measures":
     found: list[tuple[str, str | bytes]] = []
     for each in value.list():
@@ -323,10 +315,10 @@ def _load_measure(value: Value, file: str, name: str) -> bytes:
 
 _READERS: Mapping[str, Callable[[Value], Any]] = {
     "world": read_world,
-    "duration": _duration,
+    "duration": lambda value: value.number(0.0, is_open=True),
     "options": read_options,
     "draws": _count,
-    "seed": _seed,
+    "seed": functools.partial(_count, least=0.0),
     "measures": _read_measures,
 }
 
