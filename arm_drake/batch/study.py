@@ -423,10 +423,6 @@ def _check_name(study: Study, name: str, place: Value) -> None:
         raise place.error("there is no motion whose parameters could vary")
 
 
-def _last(array: Array) -> Array:
-    return np.asarray(array[-1])
-
-
 def _travel(rollout: Rollout) -> Array:
     """Return how far joints are from where they end, over their way, shape (N, J)."""
     off = np.abs(rollout.position - rollout.position[-1])
@@ -459,7 +455,7 @@ def _energy(rollout: Rollout) -> float:
 MEASURES: Mapping[str, Callable[[Rollout], float]] = {
     "end_error": lambda r: float(_errors(r)[-1].max()),
     "tracking_error": lambda r: float(_errors(r).max()),
-    "end_speed": lambda r: float(np.abs(_last(r.velocity)).max()),
+    "end_speed": lambda r: float(np.abs(r.velocity[-1]).max()),
     "peak_speed": lambda r: float(np.abs(r.velocity).max()),
     "peak_effort": lambda r: float(np.abs(r.effort).max()),
     "settling_time": _settling_time,
