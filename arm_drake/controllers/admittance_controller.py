@@ -374,7 +374,7 @@ def make_status(tick: AdmittanceTick) -> AdmittanceControllerState:
         rot_base_control=_orientation(frames.R_BC),
         ref_trans_base_ft=TransformStamped(
             header,
-            "ft_reference",
+            setup.sensor,
             Transform(
                 Vector3(*tick.X_BR[:3, 3].tolist()), _orientation(tick.X_BR[:3, :3])
             ),

@@ -486,6 +486,17 @@ def test_the_mass_is_that_of_the_control_frame_since_rolling(
     assert pushed.command_values == pytest.approx([8.0 / mass], rel=1e-12)
 
 
+def test_the_status_names_the_frames_of_its_poses(pushed) -> None:
+    pushed.run()
+
+    status = pushed.output("status")
+    poses = (status.ref_trans_base_ft, status.admittance_position)
+    assert [(pose.header.frame_id, pose.child_frame_id) for pose in poses] == [
+        ("base", "tool"),
+        ("base", "admittance_offset"),
+    ]
+
+
 def test_a_wrench_of_the_topic_stays_over_a_deactivation(pushed) -> None:
     pushed.run({"wrench_reference": push(3.0)})
     pushed.run(activation=None)
