@@ -36,6 +36,7 @@ from arm_drake.description.gazebo_plugins import (
     VelocityControl,
     WheelDrive,
 )
+from arm_drake.description.joints import JointInfo, Mimic
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import MISSPELT, find_close, suggest
 from arm_drake.importing import dataclass
@@ -57,6 +58,9 @@ _MOVING = re.compile(
     r"|multicopter-[a-z-]+|apply-link-wrench)-system"
     r"|gazebo_ros_(tricycle_drive|force|hand_of_god)"
 )
+
+# Libraries that let a joint follow another one, which Gazebo Classic itself doesn't.
+_MIMIC = re.compile(r"(roboticsgroup_(upatras_)?)?gazebo_mimic_joint_plugin")
 
 # Tags of a joint that keep Gazebo from merging the links that it holds together.
 KEEPING = ("preserveFixedJoint", "disableFixedJointLumping")
@@ -131,6 +135,11 @@ class GazeboPlugin:
         return _MOVING.fullmatch(self._library) is not None
 
     @property
+    def is_mimic(self) -> bool:
+        """Whether it lets a joint follow another one."""
+        return _MIMIC.fullmatch(self._library) is not None
+
+    @property
     def sensor_system(self) -> str:
         """The sensors of a world that it lets work, which they do without it.
 
@@ -189,6 +198,37 @@ def read_plugins(parent: ET.Element, reference: str) -> Iterator[GazeboPlugin]:
         )
 
 
+def add_mimics(
+    joints: Sequence[JointInfo],
+    plugins: Collection[GazeboPlugin],
+    report: LoadReport,
+    file: Path,
+) -> tuple[JointInfo, ...]:
+    """Return the joints, with a mimic where a plugin alone lets them follow."""
+    found = {joint.name: joint for joint in joints}
+    for plugin in (each for each in plugins if each.is_mimic):
+        reader = ElementReader(f"Gazebo plugin {plugin.name!r}", report, file)
+        master, name = plugin.text("joint"), plugin.text("mimicJoint")
+        if name not in found:
+            what = f"<mimicJoint> {name!r}, which doesn't exist; {suggest(name, found)}"
+            reader.note("warning", "invalid", what, "the plugin is left out")
+            continue
+        factor = reader.finite(plugin.text("multiplier") or "1", "multiplier")
+        offset = reader.finite(plugin.text("offset") or "0", "offset")
+        mimic = Mimic(master, 1.0 if factor is None else factor, offset or 0.0)
+        stated = found[name].mimic
+        if stated is None:
+            found[name] = dc.replace(found[name], mimic=mimic)
+            what = f"lets it follow {master!r}; the URDF doesn't"
+            where = f"joint {name!r}"
+            reader.note("info", "repair", what, "taken as its <mimic>", where)
+        elif stated != mimic:
+            what = f"{name} = {mimic.multiplier:g} {master} + {mimic.offset:g}, in the "
+            what += f"URDF {stated.multiplier:g} {stated.joint} + {stated.offset:g}"
+            reader.note("warning", "invalid", what, "the URDF counts")
+    return tuple(found.values())
+
+
 def report_gazebo(
     root: ET.Element,
     report: LoadReport,
@@ -224,7 +264,7 @@ def report_gazebo(
         repr(plugin.filename or plugin.name)
         for plugin in found
         if plugin.kind == "other"
-        and not plugin.is_moving
+        and not (plugin.is_moving or plugin.is_mimic)
         and not (
             plugin.holder in holders
             and (plugin.is_bumper or plugin.is_imu or plugin.is_perception)
