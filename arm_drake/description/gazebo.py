@@ -65,6 +65,9 @@ _MIMIC = re.compile(r"(roboticsgroup_(upatras_)?)?gazebo_mimic_joint_plugin")
 # Tags of a joint that keep Gazebo from merging the links that it holds together.
 KEEPING = ("preserveFixedJoint", "disableFixedJointLumping")
 
+# Tags of a link that say whether gravity acts on it, with what they usually say.
+_WEIGHT: Mapping[str, bool] = {"gravity": True, "turnGravityOff": False}
+
 # What publishes what IMUs measure, and whether as Gazebo's own plugin does.
 _IMU_PLUGINS = {"gazebo_ros_imu_sensor": True, "gazebo_ros_create_imu": False}
 
@@ -247,13 +250,7 @@ def report_gazebo(
     """
     holders = {f"sensor {name!r}" for name in sensors}
     found = read_gazebo_plugins(root)
-    moving = dict.fromkeys(repr(each.filename) for each in found if each.is_moving)
-    if moving:
-        what = (
-            f"Gazebo plugins {', '.join(moving)} move the robot; they aren't simulated"
-        )
-        done = "controllers and the plugins that are simulated move it alone"
-        report.add("warning", "unsupported", what, done, file=file)
+    _report_moving(found, report, file)
     alike = [each for each in found if each.is_like_ros2_control]
     if alike:
         names = ", ".join(repr(each.filename or each.name) for each in alike)
@@ -277,7 +274,7 @@ def report_gazebo(
         for gazebo in root.iterfind("gazebo")
         for child in gazebo
         # Friction and links that stay apart have an effect, sensors their own lines.
-        if child.tag not in ("plugin", "mu1", "sensor", *KEEPING)
+        if child.tag not in ("plugin", "mu1", "sensor", *KEEPING, *_WEIGHT)
         and not _states_friction(child)
     )
     for sort, counts in (("Gazebo plugins", plugins), ("<gazebo> tags", tags)):
@@ -289,6 +286,19 @@ def report_gazebo(
             what = f"{sort} {names}"
             report.add("info", "ignored", what, "they have no effect", file=file)
     _report_friction(root, report, file)
+    _report_weight(root, report, file)
+
+
+def _report_moving(
+    plugins: Sequence[GazeboPlugin], report: LoadReport, file: Path
+) -> None:
+    """Report plugins that would move the robot, but nothing stands in for them."""
+    moving = dict.fromkeys(repr(each.filename) for each in plugins if each.is_moving)
+    if moving:
+        what = f"Gazebo plugins {', '.join(moving)} move the robot; "
+        what += "they aren't simulated"
+        done = "controllers and the plugins that are simulated move it alone"
+        report.add("warning", "unsupported", what, done, file=file)
 
 
 def _states_friction(child: ET.Element) -> bool:
@@ -301,14 +311,34 @@ def _states_friction(child: ET.Element) -> bool:
 def _report_friction(root: ET.Element, report: LoadReport, file: Path) -> None:
     """Report the friction of what is no link."""
     links = [attribute(link, "name") for link in root.iterfind("link")]
+    joints = {attribute(joint, "name") for joint in root.iterfind("joint")}
     for gazebo in root.iterfind("gazebo"):
-        reference = attribute(gazebo, "reference")
+        reference, where = attribute(gazebo, "reference"), ""
         if gazebo.find("mu1") is not None and reference not in links:
             what = "<mu1> in a tag without reference, that is, of no link"
-            if reference:
+            if reference in joints:
+                where, what = f"joint {reference!r}", "<mu1> of a joint"
+            elif reference:
                 what = f"<mu1> of {reference!r}, which is no link; "
                 what += suggest(reference, links)
-            report.add("warning", "ignored", what, "it has no effect", file=file)
+            done = "it has no effect"
+            report.add("warning", "ignored", what, done, where=where, file=file)
+
+
+def _report_weight(root: ET.Element, report: LoadReport, file: Path) -> None:
+    """Report links on which gravity doesn't act in Gazebo."""
+    for gazebo in root.iterfind("gazebo"):
+        where = f"link {attribute(gazebo, 'reference')!r}"
+        said = {e.tag: _value(e) for e in gazebo if e.tag in _WEIGHT}
+        for tag, text in said.items():
+            if (text.lower() in ("true", "yes", "1")) != _WEIGHT[tag]:
+                what, done = f"<{tag}> is {text!r}", "it has its weight here"
+                report.add("warning", "unsupported", what, done, where=where, file=file)
+
+
+def _value(element: ET.Element) -> str:
+    """Return the value of a tag below `<gazebo>`, an attribute or a text."""
+    return attribute(element, "value") or text_of(element)
 
 
 def _plugins(parent: ET.Element, holder: str) -> Iterator[tuple[str, ET.Element]]:
@@ -569,7 +599,7 @@ def read_friction(root: ET.Element, links: Collection[str]) -> dict[str, float]:
         link = attribute(gazebo, "reference")
         for path in ("mu1", _FRICTION):
             for element in gazebo.iterfind(path):
-                mu = parse_number(text_of(element))
+                mu = parse_number(_value(element))
                 if mu is not None and mu >= 0.0 and link in links:
                     found[link] = min(mu, _USUAL_FRICTION)
     return found
