@@ -77,15 +77,10 @@ class ForwardControllersBase(TopicController[ForwardCommandState]):
         return self._receive(now, state)
 
     def _take(
-        self,
-        state: ForwardCommandState,
-        message: Float64MultiArray,
-        time_ns: int,
-        obstacle: str,
+        self, state: ForwardCommandState, message: Float64MultiArray, time_ns: int
     ) -> tuple[ForwardCommandState, str]:
         """Return the state with the commands of a message."""
-        fault = obstacle or self._find_fault(message)
-        if fault:
+        if fault := self._find_fault(message):
             return state, fault
         names, size = self.command_interfaces, len(message.data)
         if size not in (0, len(names)):

@@ -101,15 +101,10 @@ class PassthroughController(TopicController[PassthroughState]):
         return SteadyCommand(last.command, last.state)
 
     def _take(
-        self,
-        state: PassthroughState,
-        message: Float64MultiArray,
-        time_ns: int,
-        obstacle: str,
+        self, state: PassthroughState, message: Float64MultiArray, time_ns: int
     ) -> tuple[PassthroughState, str]:
         """Return the state with the references of a message."""
-        fault = obstacle or self._find_fault(message)
-        if fault:
+        if fault := self._find_fault(message):
             return state, fault
         return state._replace(command=np.array(message.data, dtype=float)), ""
 

@@ -33,6 +33,7 @@ from arm_drake.controllers.cycles import (
     UpdateResult,
 )
 from arm_drake.controllers.topics import (
+    ALWAYS,
     CHAINED,
     Inbox,
     TopicController,
@@ -501,7 +502,8 @@ class PidController(TopicController[PidControllerState]):
         self._subscribe("reference", MultiDOFCommand, self._take_references)
         self._subscribe_parameters(self._take_parameters)
         if self._is_external:
-            self._subscribe("measured_state", MultiDOFCommand, self._take_measurements)
+            take = self._take_measurements
+            self._subscribe("measured_state", MultiDOFCommand, take, despite=ALWAYS)
         self._declare_topic("controller_state", self._describe)
         self._declare_events()
 
@@ -552,28 +554,17 @@ class PidController(TopicController[PidControllerState]):
         return state.external if self._is_external else motions[self._read_at]
 
     def _take_references(
-        self,
-        state: PidControllerState,
-        message: MultiDOFCommand,
-        time_ns: int,
-        obstacle: str,
+        self, state: PidControllerState, message: MultiDOFCommand, time_ns: int
     ) -> tuple[PidControllerState, str]:
-        fault = obstacle or find_fault(message, self._dofs)
-        if fault:
+        if fault := find_fault(message, self._dofs):
             return state, fault
         values = sort_values(message, self._dofs, has_rate=self._has_rate)
         return state._replace(requested=values), ""
 
     def _take_measurements(
-        self,
-        state: PidControllerState,
-        message: MultiDOFCommand,
-        time_ns: int,
-        obstacle: str,
+        self, state: PidControllerState, message: MultiDOFCommand, time_ns: int
     ) -> tuple[PidControllerState, str]:
-        """Return the state with measurements, which are taken at any time."""
-        fault = find_fault(message, self._dofs, takes_rates=self._has_rate)
-        if fault:
+        if fault := find_fault(message, self._dofs, takes_rates=self._has_rate):
             return state, fault
         values = sort_values(message, self._dofs, has_rate=self._has_rate)
         return state._replace(external=values), ""

@@ -40,7 +40,7 @@ from arm_drake.controllers.cycles import (
     UpdateContext,
     UpdateResult,
 )
-from arm_drake.controllers.topics import CHAINED, Inbox, check_change
+from arm_drake.controllers.topics import ALWAYS, CHAINED, Inbox, check_change
 from arm_drake.description.parameters import (
     ParameterGroup,
     Rule,
@@ -327,6 +327,7 @@ class DiffDriveController(BaseController[DiffDriveState]):
     References: `<name>/linear/velocity` [m/s] and `<name>/angular/velocity` [rad/s].
     """
 
+    takes_poses_despite = ALWAYS
     reads_by_now = True
 
     def __init__(
@@ -417,9 +418,6 @@ class DiffDriveController(BaseController[DiffDriveState]):
         # Its stamp counts nevertheless.
         fault = "linear.x and angular.z must be finite; the last reference stays"
         return command, fault
-
-    def _find_pose_fault(self, pose: PlanarPose, obstacle: str) -> str:
-        return ""
 
     def _move(self, now: UpdateContext, state: DiffDriveState) -> DiffDriveState:
         """Return the state after a tick with a reference."""

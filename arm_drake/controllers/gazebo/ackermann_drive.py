@@ -29,6 +29,7 @@ from arm_drake.controllers.gazebo.plugin import (
     GazeboPidState,
     JointForces,
     drive_topics,
+    find_number_fault,
     publish_period_ns,
 )
 from arm_drake.controllers.topics import Inbox
@@ -223,13 +224,11 @@ class AckermannSteering(GazeboDrive):
         )
 
     def _take_angle(
-        self, state: GazeboDriveState, message: Float64, time_ns: int, obstacle: str
+        self, state: GazeboDriveState, message: Float64, time_ns: int
     ) -> tuple[GazeboDriveState, str]:
         """Return the state with an angle of steering."""
-        if obstacle:
-            return state, obstacle
-        if not math.isfinite(message.data):
-            return state, f"data must be finite, got {message.data}; it is dropped"
+        if fault := find_number_fault(message):
+            return state, fault
         return state._replace(target=(0.0, message.data)), ""
 
 

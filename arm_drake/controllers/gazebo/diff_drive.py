@@ -219,17 +219,15 @@ class DiffDrive(GazeboDrive):
         return motion.numbers(self.num_remembered)
 
     def _take_switch(
-        self, state: GazeboDriveState, message: Bool, time_ns: int, obstacle: str
+        self, state: GazeboDriveState, message: Bool, time_ns: int
     ) -> tuple[GazeboDriveState, str]:
-        if obstacle:
-            return state, obstacle
         target = state.target if message.data else REST
         return state._replace(is_enabled=message.data, target=target), ""
 
     def _take_twist(
-        self, state: GazeboDriveState, message: Twist, time_ns: int, obstacle: str
+        self, state: GazeboDriveState, message: Twist, time_ns: int
     ) -> tuple[GazeboDriveState, str]:
-        taken, fault = super()._take_twist(state, message, time_ns, obstacle)
+        taken, fault = super()._take_twist(state, message, time_ns)
         if not (fault or state.is_enabled):
             return state, f"{self._enable} is false"
         return taken, fault

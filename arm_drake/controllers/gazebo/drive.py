@@ -232,11 +232,10 @@ class GazeboDrive(TopicController[GazeboDriveState]):
         return velocity, last
 
     def _take_twist(
-        self, state: GazeboDriveState, message: Twist, time_ns: int, obstacle: str
+        self, state: GazeboDriveState, message: Twist, time_ns: int
     ) -> tuple[GazeboDriveState, str]:
         sideways = self.moves_sideways
-        fault = obstacle or find_twist_fault(message, sideways=sideways)
-        if fault:
+        if fault := find_twist_fault(message, sideways=sideways):
             return state, fault
         linear = (message.linear.x, message.linear.y)[: 1 + sideways]
         return state._replace(target=(*linear, message.angular.z)), ""
@@ -384,10 +383,7 @@ class ClassicController(TopicController[C]):
             frames.append(TransformStamped(header, child, where))
         return tuple(frames)
 
-    def _take_twist(
-        self, state: C, message: Twist, time_ns: int, obstacle: str
-    ) -> tuple[C, str]:
-        fault = obstacle or find_twist_fault(message)
-        if fault:
+    def _take_twist(self, state: C, message: Twist, time_ns: int) -> tuple[C, str]:
+        if fault := find_twist_fault(message):
             return state, fault
         return state._replace(target=(message.linear.x, message.angular.z)), ""

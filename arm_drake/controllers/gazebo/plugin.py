@@ -44,7 +44,7 @@ from arm_drake.description.gazebo_plugins import (
     WheelDrive,
 )
 from arm_drake.importing import dataclass
-from arm_drake.messages import NANOSECONDS, Message, Twist
+from arm_drake.messages import NANOSECONDS, Float64, Message, Twist
 
 Mask = NDArray[np.bool_]
 
@@ -361,6 +361,13 @@ def with_node(remappings: Sequence[str], namespace: str, node: str) -> list[str]
         text.replace("~", name, 1) if text[:1] == "~" else text for text in remappings
     ]
     return [rule.replace(":=~", f":={name}", 1) for rule in rules]
+
+
+def find_number_fault(message: Float64) -> str:
+    """Return why a number is dropped; empty if it isn't."""
+    if math.isfinite(message.data):
+        return ""
+    return f"data must be finite, got {message.data}; it is dropped"
 
 
 def find_twist_fault(message: Twist, *, sideways: bool = False) -> str:

@@ -104,10 +104,8 @@ class VelocityControl(TopicController[VelocityControlState]):
         return state._replace(held=state.target)
 
     def _take_twist(
-        self, state: VelocityControlState, message: Twist, time_ns: int, obstacle: str
+        self, state: VelocityControlState, message: Twist, time_ns: int
     ) -> tuple[VelocityControlState, str]:
-        if obstacle:
-            return state, obstacle
         linear, angular = ((v.x, v.y, v.z) for v in (message.linear, message.angular))
         if not all(map(math.isfinite, (*linear, *angular))):
             return state, "all numbers must be finite; the message is dropped"
@@ -211,10 +209,9 @@ class GazeboRosPlanarMove(ClassicController[PlanarMoveState]):
         return state._replace(published=message, published_ns=now.time_ns)
 
     def _take_twist(
-        self, state: PlanarMoveState, message: Twist, time_ns: int, obstacle: str
+        self, state: PlanarMoveState, message: Twist, time_ns: int
     ) -> tuple[PlanarMoveState, str]:
-        fault = obstacle or find_twist_fault(message, sideways=True)
-        if fault:
+        if fault := find_twist_fault(message, sideways=True):
             return state, fault
         linear = (message.linear.x, message.linear.y, 0.0)
         target = HeldTwist(linear, (0.0, 0.0, message.angular.z), is_level=True)
