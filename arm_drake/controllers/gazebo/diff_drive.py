@@ -173,22 +173,11 @@ class DiffDrive(GazeboDrive):
         """Create the system."""
         radius = tag.wheel_radius
         self._kinematics = DiffDriveKinematics(tag.wheel_separation, radius, radius)
-        # Of a wheel on both sides, the right one is the last to be told.
-        sides = {
-            **dict.fromkeys(tag.left_joints, 0),
-            **dict.fromkeys(tag.right_joints, 1),
-        }
-        self._side = np.array(list(sides.values()), dtype=np.intp)
-        first = [side[0] for side in (tag.left_joints, tag.right_joints)]
-        super().__init__(tag, params, measured=first, commanded=list(sides))
-        topics = drive_topics(tag, params.robot_name)
-        self._enable = topics.enable
-        self._subscribe(topics.command, Twist, self._take_twist)
-        self._subscribe(topics.enable, Bool, self._take_switch)
+        super().__init__(tag, params, (tag.left_joints, tag.right_joints))
+        self._enable = drive_topics(tag, params.robot_name).enable
+        self._subscribe(self._enable, Bool, self._take_switch)
         # Of both in one tick, a switch counts first.
         self._topics.reverse()
-        self._declare_odometry(topics.odometry, topics.tf)
-        self._declare_events()
 
     def _find_command(self, velocity: Velocity, measured: Array, dt: float) -> Array:
         return self._to_wheels(velocity)
@@ -196,7 +185,7 @@ class DiffDrive(GazeboDrive):
     def _to_wheels(self, velocity: Velocity) -> Array:
         """Return the velocities of the wheels [rad/s], left ones first."""
         v, w = velocity
-        return np.array(self._kinematics.wheels(v, w))[self._side]
+        return np.array(self._kinematics.wheels(v, w))[self._group]
 
     def _count(
         self, odometry: WheelOdometryState, measured: Array, dt: float
@@ -330,7 +319,7 @@ class GazeboRosDiffDrive(ClassicController[ClassicDriveState]):
             state_interfaces=tuple(f"{joint}/velocity" for joint in wheels),
             command_interfaces=tuple(f"{joint}/velocity" for joint in last),
         )
-        self._declare_odometry()
+        self._declare_outputs()
 
     def _update(
         self, now: UpdateContext, state: ClassicDriveState

@@ -175,8 +175,7 @@ class GazeboRosPlanarMove(ClassicController[PlanarMoveState]):
     tick. A message with a number that isn't finite is dropped, which Gazebo takes.
     """
 
-    # Whether velocities have a component to the left.
-    moves_sideways: ClassVar[bool] = True
+    moves_sideways = True
 
     def __init__(
         self, tag: GazeboRosPlanarMoveTag, params: ControllerInterfaceParams
@@ -186,7 +185,7 @@ class GazeboRosPlanarMove(ClassicController[PlanarMoveState]):
         self._publish_ns = publish_period_ns(tag.publish_rate)
         super().__init__(tag, params, PlanarMoveState(np.zeros(0)))
         self._declare_topic(interfaces.TWIST_PORT, lambda state: state.held)
-        self._declare_odometry()
+        self._declare_outputs()
 
     def _update(self, now: UpdateContext, state: PlanarMoveState) -> PlanarMoveState:
         state = self._receive(now, state)
