@@ -695,7 +695,6 @@ def _frozen(
 
 
 def _zero(joint: int) -> float:
-    del joint
     return 0.0
 
 

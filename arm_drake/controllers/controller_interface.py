@@ -233,7 +233,6 @@ class ControllerInterface(PythonSystem):
 
     def find_lasting_fault(self, context: Context, message: object) -> str:
         """Return why it refuses a message whenever it comes; "" if it needn't."""
-        del context, message
         return ""
 
     def find_look(self, port: str) -> Look | None:
@@ -576,12 +575,10 @@ class TickingController(ControllerInterface, Generic[S]):
             last: What the last tick left behind, with all that came until then.
             time_ns: The time of that tick [ns].
         """
-        del last, time_ns
         return None
 
     def remember(self, state: S) -> Sequence[float]:
         """Return what steady ticks remember of a state, `num_remembered` numbers."""
-        del state
         return ()
 
     def resume(
@@ -619,17 +616,14 @@ class TickingController(ControllerInterface, Generic[S]):
 
     def _activate(self, now: UpdateContext, state: S) -> S:
         """Return the state at the start of an activation, before its first tick."""
-        del now
         return state
 
     def _deactivate(self, now: UpdateContext, state: S) -> S:
         """Return the state at the end of an activation."""
-        del now
         return state
 
     def _idle(self, now: UpdateContext, state: S) -> S:
         """Return the state after a cycle in which the controller is inactive."""
-        del now
         return state
 
     def rests(self, state: S) -> bool:
@@ -639,7 +633,6 @@ class TickingController(ControllerInterface, Generic[S]):
         and then costs nothing while it is inactive and nothing comes. It holds for the
         class whose `_idle` it is, not for those with one of their own.
         """
-        del state
         return type(self)._idle is TickingController._idle
 
     @property
@@ -654,22 +647,18 @@ class TickingController(ControllerInterface, Generic[S]):
 
     def _command(self, state: S) -> Array:
         """Return the commands of a state, shape (k,); NaN leaves one as it is."""
-        del state
         return _NO_COMMAND
 
     def _export(self, state: S) -> Array:
         """Return the exported state interfaces of a state."""
-        del state
         return np.full(len(self.exported_interfaces), np.nan)
 
     def _fault(self, state: S) -> str:
         """Return why the last tick went wrong, in words."""
-        del state
         return ""
 
     def _is_ok(self, state: S) -> bool:
         """Return whether the last tick went well."""
-        del state
         return True
 
     def _declare_topic(

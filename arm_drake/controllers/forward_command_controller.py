@@ -113,7 +113,6 @@ class ForwardControllersBase(TopicController[ForwardCommandState]):
         self, last: UpdateResult[ForwardCommandState], time_ns: int
     ) -> SteadyTicks[ForwardCommandState]:
         """Return the command that holds."""
-        del time_ns
         return SteadyCommand(last.command, last.state)
 
     def _is_ok(self, state: ForwardCommandState) -> bool:

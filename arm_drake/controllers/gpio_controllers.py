@@ -156,7 +156,6 @@ class GpioCommandController(TopicController[GpioCommandControllerState]):
         self, last: UpdateResult[GpioCommandControllerState], time_ns: int
     ) -> SteadyTicks[GpioCommandControllerState]:
         """Return the command that holds, beside what is read."""
-        del time_ns
         return SteadyCommand(
             last.command,
             last.state,

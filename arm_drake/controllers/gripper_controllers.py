@@ -320,13 +320,11 @@ class GripperControllerBase(TopicController[GripperState]):
         self, last: UpdateResult[GripperState], time_ns: int
     ) -> SteadyTicks[GripperState] | None:
         """Return the command that holds where no goal is watched."""
-        del time_ns
         if self._pid is not None or last.state.goal is not None:
             return None
         return SteadyCommand(last.command, last.state, self._sense)
 
     def _sense(self, state: GripperState, time_ns: int, motions: Array) -> GripperState:
-        del time_ns
         position, velocity = motions[self._read_at].tolist()
         return state._replace(position=position, velocity=velocity)
 

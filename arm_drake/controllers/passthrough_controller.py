@@ -97,7 +97,6 @@ class PassthroughController(TopicController[PassthroughState]):
         self, last: UpdateResult[PassthroughState], time_ns: int
     ) -> SteadyTicks[PassthroughState]:
         """Return the references that hold."""
-        del time_ns
         return SteadyCommand(last.command, last.state)
 
     def _take(

@@ -408,7 +408,6 @@ class _SteadyPids(SilentTicks):
         self, time_ns: int, motions: Array, memory: list[float]
     ) -> list[float] | None:
         """Return the values that a tick commands; None where one isn't finite."""
-        del time_ns
         rules, references = self._last.rules, self._last.control.references
         error = rules.find_error(references, self._measure(self._last, motions))
         errors, rates = error.tolist(), None

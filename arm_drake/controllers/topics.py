@@ -345,7 +345,6 @@ class SensorBroadcaster(TickingController[S]):
 
     def steady(self, last: UpdateResult[S], time_ns: int) -> SteadyTicks[S] | None:
         """Return what makes a message of numbers when somebody looks at it."""
-        del time_ns
         return SteadyBroadcast(self, last.state)
 
 
@@ -363,7 +362,6 @@ class SteadyBroadcast(SilentTicks, Generic[S]):
         self, time_ns: int, motions: Array, memory: list[float]
     ) -> Sequence[float] | None:
         """Return no values, for it commands nothing."""
-        del time_ns, motions, memory
         return ()
 
     def commands_ahead(self, times_ns: Sequence[int]) -> Array | None:
@@ -372,7 +370,6 @@ class SteadyBroadcast(SilentTicks, Generic[S]):
 
     def state(self, time_ns: int, motions: Array, memory: Sequence[float]) -> S:
         """Return what a tick publishes."""
-        del memory
         system = self._system
         return system._make(system._header(time_ns), self._values(motions), self._last)
 

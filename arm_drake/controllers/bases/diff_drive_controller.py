@@ -282,7 +282,6 @@ class _SteadyDrive(SilentTicks):
         self, time_ns: int, motions: Array, memory: list[float]
     ) -> list[float] | None:
         """Return the velocities of the wheels; None where a position isn't finite."""
-        del time_ns
         system, settings, dt = self._system, self._last.settings, self._dt
         limited, odometry = DiffDriveMotion.from_numbers(memory, self._window)
         velocity = limit_velocity(settings.limiters, self._last.reference, limited, dt)

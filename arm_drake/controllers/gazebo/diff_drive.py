@@ -113,7 +113,6 @@ class _SteadyDrive(SilentTicks):
         self, time_ns: int, motions: Array, memory: list[float]
     ) -> list[float] | None:
         """Return the velocities of the wheels; None where a position isn't finite."""
-        del time_ns
         system, dt = self._system, self._dt
         limited, odometry = DiffDriveMotion.from_numbers(memory, system.window)
         limited = system._limit(self._last.target, limited, dt)

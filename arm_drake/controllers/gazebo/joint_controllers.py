@@ -133,7 +133,6 @@ class GazeboCommandBase(TopicController[JointCommandState]):
         self, last: UpdateResult[JointCommandState], time_ns: int
     ) -> "SteadyForces | None":
         """Return the forces that follow from targets that stay."""
-        del time_ns
         period_ns = self.whole_period_ns
         if self._moved_by.size or period_ns is None:
             return None
@@ -216,7 +215,6 @@ class SteadyForces(SilentTicks):
         self, time_ns: int, motions: Array, memory: list[float]
     ) -> list[float] | None:
         """Return the efforts of a tick; None where an error isn't finite."""
-        del time_ns
         dt, n, total = self._dt, len(self._tags), 0.0
         terms, errors, forces = [], [], []
         measured = motions[self._read_at].tolist()
@@ -257,7 +255,6 @@ class SteadyForces(SilentTicks):
         self, time_ns: int, motions: Array, memory: Sequence[float]
     ) -> JointCommandState:
         """Return the state that a tick leaves behind."""
-        del time_ns, motions
         n = len(self._tags)
         terms, errors, efforts = np.split(np.array(memory), [n, 2 * n])
         pid = GazeboPidState(terms, errors)
