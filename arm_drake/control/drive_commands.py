@@ -13,15 +13,11 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_drake import interfaces
-from arm_drake.arrays import Array
+from arm_drake.arrays import Array, Indices, Mask
 from arm_drake.importing import dataclass
 from arm_drake.messages import Message
-
-Mask = NDArray[np.bool_]
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,10 +12,9 @@ from collections.abc import Callable, Sequence
 from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_drake import interfaces
-from arm_drake.arrays import Array
+from arm_drake.arrays import Array, Mask
 from arm_drake.control.pid import (
     EPSILON,
     Pid,
@@ -140,9 +139,6 @@ class PidControllerParameters:
             )
         for dof, gains in self.gains.dof.items():
             gains.check(f"gains.{dof}")
-
-
-Mask = NDArray[np.bool_]
 
 
 class PidControlState(NamedTuple):

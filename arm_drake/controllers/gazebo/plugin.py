@@ -22,9 +22,8 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from arm_drake.arrays import Array, clamp
+from arm_drake.arrays import Array, Indices, Mask, clamp
 from arm_drake.description.gazebo_plugins import (
     AckermannSteering,
     ApplyJointForce,
@@ -45,8 +44,6 @@ from arm_drake.description.gazebo_plugins import (
 )
 from arm_drake.importing import dataclass
 from arm_drake.messages import NANOSECONDS, Float64, Message, Twist
-
-Mask = NDArray[np.bool_]
 
 
 class GazeboPidState(NamedTuple):
@@ -173,9 +170,6 @@ def _limits(high: Sequence[float], low: Sequence[float]) -> tuple[Array, Array]:
         _array(np.where(is_limited, high, math.inf)),
         _array(np.where(is_limited, low, -math.inf)),
     )
-
-
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
