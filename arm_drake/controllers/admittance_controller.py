@@ -23,6 +23,7 @@ from arm_drake.control.admittance import (
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import (
+    ALWAYS,
     CHAINED,
     INACTIVE,
     Inbox,
@@ -509,7 +510,9 @@ class AdmittanceController(TopicController[AdmittanceControllerSystemState]):
         self._referred = [_COMMANDS.index(c) for c in references]
         self._measured_rows = [_COMMANDS.index(c) for c in parameters.state_interfaces]
         self._subscribe("joint_references", JointTrajectoryPoint, self._take_point)
-        self._subscribe("wrench_reference", WrenchStamped, self._take_wrench)
+        self._subscribe(
+            "wrench_reference", WrenchStamped, self._take_wrench, despite=ALWAYS
+        )
         self._subscribe_parameters(self._take_parameters)
         self._declare_topic("status", self._describe)
         self._declare_events()
@@ -556,10 +559,9 @@ class AdmittanceController(TopicController[AdmittanceControllerSystemState]):
         state: AdmittanceControllerSystemState,
         message: JointTrajectoryPoint,
         time_ns: int,
-        obstacle: str,
     ) -> tuple[AdmittanceControllerSystemState, str]:
         """Return the state with references."""
-        fault = obstacle or _find_fault(message, state.setup.parameters.joints)
+        fault = _find_fault(message, state.setup.parameters.joints)
         if fault:
             return state, fault
         requested = self._nothing if state.requested is None else state.requested
@@ -575,9 +577,8 @@ class AdmittanceController(TopicController[AdmittanceControllerSystemState]):
         state: AdmittanceControllerSystemState,
         message: WrenchStamped,
         time_ns: int,
-        obstacle: str,
     ) -> tuple[AdmittanceControllerSystemState, str]:
-        """Return the state with what is added to measured wrenches, at any time."""
+        """Return the state with what is added to measured wrenches."""
         frame, sensor = message.header.frame_id, state.setup.sensor
         if frame not in ("", sensor):
             return state, (

@@ -271,7 +271,6 @@ class _SteadyFilters(SteadyBroadcast[ForceTorqueSensorBroadcasterState]):
         self, time_ns: int, motions: Array, memory: list[float]
     ) -> Sequence[float]:
         """Return no values; the wrench goes through the filters."""
-        del time_ns
         system, values = self._system, self._values(motions)
         wrench = system._find_wrench(values)
         memory[:] = _to_numbers(system._filter(_to_state(memory), wrench, values))
@@ -279,7 +278,6 @@ class _SteadyFilters(SteadyBroadcast[ForceTorqueSensorBroadcasterState]):
 
     def commands_ahead(self, times_ns: Sequence[int]) -> None:
         """Return None, for the wrench counts."""
-        del times_ns
         return None
 
     def state(
@@ -334,7 +332,6 @@ class WrenchDifference(NamedTuple):
 
     def update(self, state: FilterState, sample: Array) -> FilterState:
         """Return the state after a sample; it holds the output."""
-        del state
         return FilterState(sample, sample - self.wrench)
 
 

@@ -158,7 +158,6 @@ class GpioCommandController(TopicController[GpioCommandControllerState]):
         self, last: UpdateResult[GpioCommandControllerState], time_ns: int
     ) -> SteadyTicks[GpioCommandControllerState]:
         """Return the command that holds, beside what is read."""
-        del time_ns
         return SteadyCommand(
             last.command,
             last.state,
@@ -176,13 +175,9 @@ class GpioCommandController(TopicController[GpioCommandControllerState]):
         state: GpioCommandControllerState,
         message: DynamicInterfaceGroupValues,
         time_ns: int,
-        obstacle: str,
     ) -> tuple[GpioCommandControllerState, str]:
         """Return the state with the commands of a message."""
-        if obstacle:
-            return state, obstacle
-        fault = _find_fault(message)
-        if fault:
+        if fault := _find_fault(message):
             return state._replace(command=self._nothing, is_ok=False), fault
         command, skipped = self._sort(message)
         return state._replace(command=command, is_ok=True), skipped
