@@ -43,6 +43,24 @@ _DRAKE = "http://drake.mit.edu"
 _LARGEST = 1e15
 
 
+@dataclass(frozen=True, eq=False)
+class Transform:
+    """A pose that can be multiplied, which Drake isn't needed for."""
+
+    # The rotation, shape (3, 3), and the position [m], shape (3,).
+    rotation: Array = dc.field(default_factory=lambda: np.eye(3))
+    position: Array = dc.field(default_factory=lambda: np.zeros(3))
+
+    def __matmul__(self, other: "Transform") -> "Transform":
+        """Return X_AC of X_AB and X_BC."""
+        place = self.position + self.rotation @ other.position
+        return Transform(self.rotation @ other.rotation, place)
+
+    def inverse(self) -> "Transform":
+        """Return X_BA of X_AB."""
+        return Transform(self.rotation.T, -self.rotation.T @ self.position)
+
+
 @dataclass(frozen=True)
 class Origin:
     """`<origin>` of a part in its link, or of a joint in its parent link."""
@@ -69,6 +87,11 @@ class Origin:
     def position(self) -> Array:
         """The position [m], shape (3,)."""
         return np.array(self.xyz)
+
+    @property
+    def transform(self) -> Transform:
+        """Both, to be multiplied."""
+        return Transform(self.rotation, self.position)
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ from arm_drake.description.elements import (
 )
 from arm_drake.description.gazebo import read_plugins
 from arm_drake.description.joints import WORLD
-from arm_drake.description.links import Origin
+from arm_drake.description.links import Origin, Transform
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.errors import DescriptionError, suggest
 from arm_drake.importing import dataclass
@@ -117,27 +117,15 @@ def convert_sdf(text: str, file: Path, report: LoadReport, find: FileFinder) -> 
     return _Model(model, file, report, find, has_axes_in_model=is_old).write()
 
 
-def _matrix(origin: Origin) -> Array:
-    X = np.eye(4)
-    X[:3, :3], X[:3, 3] = origin.rotation, origin.position
-    return X
-
-
-def _inverse(X: Array) -> Array:
-    Y = np.eye(4)
-    Y[:3, :3], Y[:3, 3] = X[:3, :3].T, -X[:3, :3].T @ X[:3, 3]
-    return Y
-
-
-def _origin(X: Array) -> Origin:
+def _origin(X: Transform) -> Origin:
     """Return a pose as URDF writes it."""
-    R = X[:3, :3]
+    R = X.rotation
     pitch = math.atan2(-R[2, 0], math.hypot(R[2, 1], R[2, 2]))
     if abs(R[2, 0]) < 1.0 - 1e-12:
         roll, yaw = math.atan2(R[2, 1], R[2, 2]), math.atan2(R[1, 0], R[0, 0])
     else:
         roll, yaw = 0.0, math.atan2(-R[0, 1], R[1, 1])
-    x, y, z = X[:3, 3]
+    x, y, z = X.position
     # Digits beyond those of an angle's cosine are noise, and negative zeros confuse.
     numbers = [round(float(n), 12) + 0.0 for n in (x, y, z, roll, pitch, yaw)]
     return Origin(tuple(numbers[:3]), tuple(numbers[3:]))  # type: ignore[arg-type]
@@ -214,7 +202,7 @@ class _Model:
         return {attribute(e, "name"): e for e in self.model if e.tag in _HOLDERS}
 
     @functools.cached_property
-    def _poses(self) -> dict[str, Array]:
+    def _poses(self) -> dict[str, Transform]:
         """Poses of them in the model that are known already."""
         return {}
 
@@ -257,10 +245,10 @@ class _Model:
                 break
         return name
 
-    def _frame(self, name: str, passed: tuple[str, ...] = ()) -> Array:
-        """Return the pose of a link, joint or frame in the model, shape (4, 4)."""
+    def _frame(self, name: str, passed: tuple[str, ...] = ()) -> Transform:
+        """Return the pose of a link, joint or frame in the model."""
         if name in ("", _MODEL, WORLD):
-            return np.eye(4)
+            return Transform()
         if name in self._poses:
             return self._poses[name]
         if name not in self._holders:
@@ -280,13 +268,13 @@ class _Model:
 
     def _placed(
         self, element: ET.Element, default: str, passed: tuple[str, ...] = ()
-    ) -> Array:
+    ) -> Transform:
         """Return the pose of an element in the model; without a word in `default`."""
         pose = element.find("pose")
         other = "" if pose is None else attribute(pose, "relative_to")
         return self._frame(other or default, passed) @ self._pose(element)
 
-    def _pose(self, element: ET.Element) -> Array:
+    def _pose(self, element: ET.Element) -> Transform:
         """Return the pose that an element states."""
         pose = element.find("pose")
         words = text_of(pose).split()
@@ -296,24 +284,22 @@ class _Model:
             pose is not None and attribute(pose, "rotation_format") == "quat_xyzw"
         )
         if not words:
-            return np.eye(4)
+            return Transform()
         if len(known) != len(numbers) or len(known) != 6 + is_quaternion:
             expected = "x, y, z and " + "roll, pitch, yaw"
             if is_quaternion:
                 expected = "x, y, z and a quaternion x, y, z, w"
             what = f"pose: expected {expected}, got {text_of(pose)!r}"
             self._note("error", "invalid", what, "taken as not given", element)
-            return np.eye(4)
+            return Transform()
         if is_quaternion:
-            X = np.eye(4)
-            X[:3, :3], X[:3, 3] = _rotation_of(np.array(known[3:])), known[:3]
-            return X
+            return Transform(_rotation_of(np.array(known[3:])), np.array(known[:3]))
         if pose is not None and _is_true(attribute(pose, "degrees")):
             known[3:] = map(math.radians, known[3:])
         x, y, z, roll, pitch, yaw = known
-        return _matrix(Origin((x, y, z), (roll, pitch, yaw)))
+        return Origin((x, y, z), (roll, pitch, yaw)).transform
 
-    def _link_frame(self, name: str) -> Array:
+    def _link_frame(self, name: str) -> Transform:
         """Return the frame that a link has in the URDF, in the model."""
         joint = self._carriers.get(name)
         if joint is not None and self._type(joint) != "fixed":
@@ -327,7 +313,7 @@ class _Model:
     ) -> None:
         name = attribute(link, "name")
         written = ET.SubElement(robot, "link", name=name)
-        X_UM = _inverse(self._link_frame(name))
+        X_UM = self._link_frame(name).inverse()
         inertial = link.find("inertial")
         self._write_inertial(written, inertial, link, X_UM)
         for shape in link:
@@ -355,7 +341,7 @@ class _Model:
         written: ET.Element,
         inertial: ET.Element | None,
         link: ET.Element,
-        X_UM: Array,
+        X_UM: Transform,
     ) -> None:
         """Write mass and inertia; what isn't said is 1 kg and 1 kg·m^2, as in SDF."""
         X = X_UM @ self._frame(attribute(link, "name"))
@@ -379,7 +365,7 @@ class _Model:
         ET.SubElement(part, "inertia", moments)
 
     def _write_shape(
-        self, written: ET.Element, link: ET.Element, shape: ET.Element, X: Array
+        self, written: ET.Element, link: ET.Element, shape: ET.Element, X: Transform
     ) -> None:
         geometry = shape.find("geometry")
         kind = next(iter(geometry), None) if geometry is not None else None
@@ -413,7 +399,7 @@ class _Model:
         path = "collision/surface/friction/ode/mu"
         return next((text_of(e) for e in link.iterfind(path)), "")
 
-    def _place_sensor(self, sensor: ET.Element, X: Array) -> None:
+    def _place_sensor(self, sensor: ET.Element, X: Transform) -> None:
         for pose in sensor.findall("pose"):
             sensor.remove(pose)
         origin = _origin(X)
@@ -438,7 +424,7 @@ class _Model:
             severity: Severity = "info" if sort == "ball" else "warning"
             self._note(severity, "unsupported", what, done, joint)
         written = ET.SubElement(robot, "joint", name=name, type=self._type(joint))
-        X_PC = _inverse(self._link_frame(parent)) @ self._link_frame(child)
+        X_PC = self._link_frame(parent).inverse() @ self._link_frame(child)
         _write_origin(written, X_PC)
         ET.SubElement(written, "parent", link=parent)
         ET.SubElement(written, "child", link=child)
@@ -468,8 +454,8 @@ class _Model:
         if not other and (self.has_axes_in_model or _is_true(is_parents)):
             other = _MODEL
         if other:
-            R_MJ = self._frame(attribute(joint, "name"))[:3, :3]
-            direction = R_MJ.T @ self._frame(other)[:3, :3] @ direction
+            R_MJ = self._frame(attribute(joint, "name")).rotation
+            direction = R_MJ.T @ self._frame(other).rotation @ direction
         ET.SubElement(written, "axis", xyz=_words(np.round(direction, 12) + 0.0))
         if axis is None:
             return
@@ -555,7 +541,7 @@ def _rotation_of(quaternion: Array) -> Array:
     )
 
 
-def _write_origin(part: ET.Element, X: Array) -> None:
+def _write_origin(part: ET.Element, X: Transform) -> None:
     origin = _origin(X)
     if any((*origin.xyz, *origin.rpy)):
         xyz, rpy = _words(origin.xyz), _words(origin.rpy)
