@@ -21,6 +21,7 @@ from arm_drake.description.elements import (
     attribute,
     free_name,
     parse_float,
+    parse_sdf_bool,
     text_of,
 )
 from arm_drake.description.gazebo import (
@@ -359,7 +360,7 @@ class _SensorReader(SensorReader):
             topic=text_of(element, "topic"),
             plugin=plugin,
             noise=self._noise(element),
-            visualize=text_of(element, "visualize") in ("true", "1"),
+            visualize=parse_sdf_bool(text_of(element, "visualize")) is True,
         )
 
     def raw(self, element: ET.Element | None, path: str, default: float) -> float:

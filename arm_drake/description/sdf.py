@@ -25,8 +25,10 @@ import numpy as np
 from arm_drake.arrays import Array
 from arm_drake.description.elements import (
     attribute,
-    parse_bool,
+    parse_floats,
     parse_number,
+    parse_sdf_bool,
+    parse_sdf_pose,
     parse_xml,
     text_of,
 )
@@ -277,26 +279,20 @@ class _Model:
     def _pose(self, element: ET.Element) -> Transform:
         """Return the pose that an element states."""
         pose = element.find("pose")
-        words = text_of(pose).split()
-        numbers = [parse_number(word) for word in words]
-        known = [n for n in numbers if n is not None and math.isfinite(n)]
-        is_quaternion = (
-            pose is not None and attribute(pose, "rotation_format") == "quat_xyzw"
-        )
-        if not words:
+        if pose is None or not text_of(pose):
             return Transform()
-        if len(known) != len(numbers) or len(known) != 6 + is_quaternion:
-            expected = "x, y, z and " + "roll, pitch, yaw"
-            if is_quaternion:
-                expected = "x, y, z and a quaternion x, y, z, w"
-            what = f"pose: expected {expected}, got {text_of(pose)!r}"
+        numbers = parse_sdf_pose(pose)
+        if numbers is None:
+            rotation = "roll, pitch, yaw"
+            if attribute(pose, "rotation_format") == "quat_xyzw":
+                rotation = "a quaternion x, y, z, w"
+            what = f"pose: expected x, y, z and {rotation}, got {text_of(pose)!r}"
             self._note("error", "invalid", what, "taken as not given", element)
             return Transform()
-        if is_quaternion:
-            return Transform(_rotation_of(np.array(known[3:])), np.array(known[:3]))
-        if pose is not None and _is_true(attribute(pose, "degrees")):
-            known[3:] = map(math.radians, known[3:])
-        x, y, z, roll, pitch, yaw = known
+        x, y, z, *angles = numbers
+        if len(angles) == 4:
+            return Transform(_rotation_of(np.array(angles)), np.array([x, y, z]))
+        roll, pitch, yaw = angles
         return Origin((x, y, z), (roll, pitch, yaw)).transform
 
     def _link_frame(self, name: str) -> Transform:
@@ -351,7 +347,7 @@ class _Model:
         if inertial is not None:
             X = X_UM @ self._placed(inertial, attribute(link, "name"))
             mass = text_of(inertial, "mass") or mass
-            if _is_true(attribute(inertial, "auto")):
+            if parse_sdf_bool(attribute(inertial, "auto")):
                 what, done = "<inertial auto>", f"its mass is {mass} kg"
                 self._note("warning", "unsupported", what, done, link)
             moments |= {
@@ -441,17 +437,16 @@ class _Model:
     def _write_axis(self, written: ET.Element, joint: ET.Element) -> None:
         axis = joint.find("axis")
         xyz = None if axis is None else axis.find("xyz")
-        words = [parse_number(word) for word in text_of(xyz).split()]
+        numbers = parse_floats(text_of(xyz)) or ()
         direction = np.array([0.0, 0.0, 1.0])
-        numbers = [n for n in words if n is not None and abs(n) < _NO_LIMIT]
-        if len(numbers) == len(words) == 3 and any(numbers):
+        if len(numbers) == 3 and 0.0 < max(map(abs, numbers)) < _NO_LIMIT:
             direction = np.array(numbers) / np.linalg.norm(numbers)
-        elif words:
+        elif text_of(xyz):
             what = f"axis: expected a direction x, y, z, got {text_of(xyz)!r}"
             self._note("error", "invalid", what, "taken as 0 0 1", joint)
         other = "" if xyz is None else attribute(xyz, "expressed_in")
         is_parents = text_of(axis, "use_parent_model_frame")
-        if not other and (self.has_axes_in_model or _is_true(is_parents)):
+        if not other and (self.has_axes_in_model or parse_sdf_bool(is_parents)):
             other = _MODEL
         if other:
             R_MJ = self._frame(attribute(joint, "name")).rotation
@@ -517,15 +512,11 @@ class _Model:
 _RANGE = ("lower", "upper")
 
 
-def _is_true(text: str) -> bool:
-    return text == "1" or parse_bool(text) is True
-
-
 def _is_usual(child: ET.Element) -> bool:
     """Return whether an element of a link says what holds without it."""
     usual = {"gravity": True, "kinematic": False, "self_collide": False}
     return child.tag in usual and (
-        not text_of(child) or _is_true(text_of(child)) == usual[child.tag]
+        not text_of(child) or bool(parse_sdf_bool(text_of(child))) == usual[child.tag]
     )
 
 

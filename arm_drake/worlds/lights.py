@@ -11,9 +11,9 @@ from typing import Final
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from arm_drake.description.elements import text_of
+from arm_drake.description.elements import parse_floats, parse_sdf_bool, text_of
 from arm_drake.importing import dataclass
-from arm_drake.worlds.sdf_files import SdfFile, parse_floats
+from arm_drake.worlds.sdf_files import SdfFile
 
 Vector = tuple[float, float, float]
 
@@ -101,7 +101,7 @@ def _read_light(element: ET.Element, file: SdfFile) -> Light | None:
         direction=(x, y, z),
         cone_angle=min(max(math.degrees(outer) / 2.0, 1.0), 89.0),
         cast_shadows=is_directional
-        and text_of(element, "cast_shadows") in ("1", "true"),
+        and parse_sdf_bool(text_of(element, "cast_shadows")) is True,
     )
 
 
@@ -109,8 +109,7 @@ def _numbers(
     element: ET.Element, path: str, default: tuple[float, ...], file: SdfFile
 ) -> tuple[float, ...]:
     """Return the numbers of a child; the default, and a note, if it has others."""
-    found = element.find(path)
-    text = "" if found is None else (found.text or "").strip()
+    text = text_of(element, path)
     if not text:
         return default
     numbers = parse_floats(text)

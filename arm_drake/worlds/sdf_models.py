@@ -9,7 +9,13 @@ import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from arm_drake.description.elements import parse_float, text_of
+from arm_drake.description.elements import (
+    parse_float,
+    parse_floats,
+    parse_sdf_bool,
+    parse_sdf_pose,
+    text_of,
+)
 from arm_drake.description.meshes.conversion import (
     Scale,
     convert_collision,
@@ -23,8 +29,6 @@ from arm_drake.plant.contact import GROUND, GROUND_FRICTION
 from arm_drake.worlds.sdf_files import (
     ModelFinder,
     SdfFile,
-    is_true,
-    parse_floats,
     place_of,
     read_sdf,
     replace_child,
@@ -182,7 +186,7 @@ class Cleaner:
             return self._include(element, file, is_static, place, depth)
         own = text_of(element, "static")
         if is_static is None and own:
-            is_static = is_true(own)
+            is_static = bool(parse_sdf_bool(own))
         replace_child(element, "static", "true" if is_static else None)
         file.remove(element, _OF_MODELS, place)
         is_level = (
@@ -262,14 +266,14 @@ class Cleaner:
             return None
         own = text_of(include, "static")
         if is_static is None and own:
-            is_static = is_true(own)
+            is_static = bool(parse_sdf_bool(own))
         try:
             included = self._files.setdefault(path, read_sdf(path, file.report))
             model = included.root.find("model")
             if model is None:
                 raise included.error("<sdf> has no <model> to include", included.root)
             if is_static is None:
-                is_static = is_true(text_of(model, "static"))
+                is_static = bool(parse_sdf_bool(text_of(model, "static")))
             target = self._keep(included, model, is_static, where, depth)
         except InputError as error:
             what, place, line = error.problem, error.file, error.line
@@ -549,22 +553,19 @@ def _pose_of(element: ET.Element, file: SdfFile) -> RigidTransform:
     pose = element.find("pose")
     if pose is None or not (pose.text or "").strip():
         return RigidTransform()
-    values = parse_floats(pose.text or "")
-    is_quaternion = pose.get("rotation_format") == "quat_xyzw"
-    if values is None or len(values) != (7 if is_quaternion else 6):
+    values = parse_sdf_pose(pose)
+    if values is None:
+        is_quaternion = pose.get("rotation_format") == "quat_xyzw"
         count = "7 numbers" if is_quaternion else "x y z roll pitch yaw"
         raise file.error(f"<pose>: expected {count}, got {pose.text!r}", pose)
-    if is_quaternion:
+    if len(values) == 7:
         x, y, z, w = values[3:]
         norm = float(np.linalg.norm(values[3:]))
         if norm == 0.0:
             raise file.error("<pose>: a quaternion of length 0", pose)
         quaternion = Quaternion(*(np.array([w, x, y, z]) / norm))
         return RigidTransform(RotationMatrix(quaternion), np.array(values[:3]))
-    angles = np.array(values[3:])
-    if pose.get("degrees", "") in ("true", "1"):
-        angles = np.deg2rad(angles)
-    return RigidTransform(RollPitchYaw(angles), np.array(values[:3]))
+    return RigidTransform(RollPitchYaw(np.array(values[3:])), np.array(values[:3]))
 
 
 def _keeps_plane(X: RigidTransform) -> bool:

@@ -8,14 +8,18 @@ from pathlib import Path
 from pydrake.geometry import Meshcat
 from pydrake.multibody.plant import MultibodyPlant
 
-from arm_drake.description.elements import text_of
+from arm_drake.description.elements import (
+    free_name,
+    parse_floats,
+    parse_sdf_bool,
+    text_of,
+)
 from arm_drake.description.report import LoadReport, Severity
 from arm_drake.importing import dataclass
 from arm_drake.worlds.lights import Light, read_lights
 from arm_drake.worlds.sdf_files import (
     SdfFile,
     name_of,
-    parse_floats,
     read_sdf,
     replace_child,
 )
@@ -167,7 +171,7 @@ def read_world(path: Path, package_paths: Sequence[Path] = ()) -> SdfWorld:
         file,
         world.get("name") or "default",
         _read_gravity(world, file),
-        scene is None or text_of(scene, "grid") not in ("false", "0"),
+        parse_sdf_bool(text_of(scene, "grid")) is not False,
         cleaner.ground,
         _read_background(scene),
         _read_lights(world, file),
@@ -235,10 +239,7 @@ def _rename(
     file: SdfFile,
 ) -> None:
     """Give an element another name if one before it has that."""
-    number, free = 1, name
-    while free in names:
-        number += 1
-        free = f"{name}_{number}"
+    free = free_name(name, names.__contains__)
     names.add(free)
     if free == name:
         return
@@ -274,7 +275,7 @@ def _read_lights(world: ET.Element, file: SdfFile) -> tuple[Light, ...] | None:
 
 
 def _read_background(scene: ET.Element | None) -> Vector | None:
-    words = [] if scene is None else text_of(scene, "background").split()
+    words = text_of(scene, "background").split()
     color = _vector(" ".join(words[:3]))
     return color if color is not None and all(0.0 <= x <= 1.0 for x in color) else None
 
