@@ -456,7 +456,7 @@ class _SensorReader(SensorReader):
             what = f"{start}CameraInfoTopicName {wanted!r}"
             done = f"it is {info!r}, beside the picture, as upstream's"
             self.note("info", "ignored", what, done)
-        if sensor.has_depth and plugin.text("pointCloud") in ("true", "1"):
+        if sensor.has_depth and parse_sdf_bool(plugin.text("pointCloud")):
             topics["points"] = plugin.text("pointCloudTopicName")
         for key, name in topics.items():
             if not name:
