@@ -29,11 +29,12 @@ from arm_drake.description.gazebo_plugins import ApplyJointForce, Ros2ControlPlu
 from arm_drake.description.inertia import repair_free_base
 from arm_drake.description.initial_positions import find_initial_positions
 from arm_drake.description.joints import WORLD
+from arm_drake.description.links import Pose
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.parameters import DISTROS
 from arm_drake.description.plugin_control import add_plugins, plugin_joints
 from arm_drake.description.report import LoadReport, Places
-from arm_drake.description.robot import Pose, Robot
+from arm_drake.description.robot import Robot
 from arm_drake.description.sdf import convert_sdf, is_sdf
 from arm_drake.description.sensors import add_gazebo_sensors, find_sensors
 from arm_drake.description.source_files import find_source_files

@@ -22,12 +22,10 @@ from arm_drake.description.elements import (
 from arm_drake.description.gazebo import KEEPING, GazeboPlugin, read_plugins
 from arm_drake.description.gazebo_plugins import ImuSensorTag, Noise
 from arm_drake.description.joints import WORLD, JointInfo
+from arm_drake.description.links import Pose
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import suggest
 from arm_drake.importing import dataclass
-
-# x, y, z [m], roll, pitch, yaw [rad].
-Pose = tuple[float, float, float, float, float, float]
 
 CONTACT: Final = "contact"
 IMU: Final = "imu"

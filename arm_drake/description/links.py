@@ -30,6 +30,9 @@ from arm_drake.importing import dataclass
 
 Vector = tuple[float, float, float]
 
+# x, y, z [m], roll, pitch, yaw [rad].
+Pose = tuple[float, float, float, float, float, float]
+
 # Red, green, blue, alpha, from 0 to 1.
 Color = tuple[float, float, float, float]
 

@@ -32,12 +32,12 @@ from arm_drake.description.gazebo import (
 from arm_drake.description.gazebo_plugins import Noise
 from arm_drake.description.gazebo_sensors import (
     FRAME_TAGS,
-    Pose,
     SensorReader,
     read_sensor_pose,
     referred_link,
 )
 from arm_drake.description.joints import JointInfo
+from arm_drake.description.links import Pose
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import suggest
 from arm_drake.importing import dataclass

@@ -9,13 +9,12 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from pydrake.math import RigidTransform, RollPitchYaw
 
 from arm_drake.description.elements import parse_floats, parse_sdf_bool, text_of
+from arm_drake.description.links import Vector
 from arm_drake.importing import dataclass
+from arm_drake.plant.plant import transform_of
 from arm_drake.worlds.sdf_files import SdfFile
-
-Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -75,7 +74,7 @@ def _read_light(element: ET.Element, file: SdfFile) -> Light | None:
         file.note("warning", "invalid", what, "left out", element, where)
         return None
     pose = _numbers(element, "pose", (0.0,) * 6, file)
-    X_WL = RigidTransform(RollPitchYaw(np.array(pose[3:])), np.array(pose[:3]))
+    X_WL = transform_of(pose)
     direction = _numbers(element, "direction", (0.0, 0.0, -1.0), file)
     along = X_WL.rotation() @ np.array(direction)
     if not np.linalg.norm(along) > 0.0:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
-from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
+from pydrake.math import RigidTransform, RotationMatrix
 
 from arm_drake.description.elements import (
     parse_float,
@@ -26,6 +26,7 @@ from arm_drake.description.report import Severity
 from arm_drake.errors import InputError
 from arm_drake.importing import dataclass
 from arm_drake.plant.contact import GROUND, GROUND_FRICTION
+from arm_drake.plant.plant import pose_of, transform_of
 from arm_drake.worlds.sdf_files import (
     ModelFinder,
     SdfFile,
@@ -491,9 +492,7 @@ class _Shape:
             pose = ET.SubElement(self.element, "pose")
         for name in ("degrees", "rotation_format"):
             pose.attrib.pop(name, None)
-        angles = RollPitchYaw(X_LG.rotation()).vector()
-        values = [*X_LG.translation().tolist(), *angles.tolist()]
-        pose.text = " ".join(map(repr, values))
+        pose.text = " ".join(map(repr, pose_of(X_LG)))
         return [self.element]
 
     def _numbers(
@@ -565,7 +564,7 @@ def _pose_of(element: ET.Element, file: SdfFile) -> RigidTransform:
             raise file.error("<pose>: a quaternion of length 0", pose)
         quaternion = Quaternion(*(np.array([w, x, y, z]) / norm))
         return RigidTransform(RotationMatrix(quaternion), np.array(values[:3]))
-    return RigidTransform(RollPitchYaw(np.array(values[3:])), np.array(values[:3]))
+    return transform_of(values)
 
 
 def _keeps_plane(X: RigidTransform) -> bool:

@@ -14,6 +14,7 @@ from arm_drake.description.elements import (
     parse_sdf_bool,
     text_of,
 )
+from arm_drake.description.links import Vector
 from arm_drake.description.report import LoadReport, Severity
 from arm_drake.importing import dataclass
 from arm_drake.worlds.lights import Light, read_lights
@@ -24,8 +25,6 @@ from arm_drake.worlds.sdf_files import (
     replace_child,
 )
 from arm_drake.worlds.sdf_models import Cleaner, GroundLook
-
-Vector = tuple[float, float, float]
 
 
 def _add_nothing(plant: MultibodyPlant) -> None:
