@@ -110,12 +110,9 @@ class SdfWorld:
     """A world on its way to Drake."""
 
     file: SdfFile
-    name: str
-    gravity: Vector | None
-    has_grid: bool
-    ground: GroundLook | None
-    background: Vector | None
-    lights: tuple[Light, ...] | None
+
+    # The same as loaded, but for what it adds to plants.
+    loaded: LoadedWorld
 
     # Models and inclusions, those that stand still and those that move.
     static: Sequence[ET.Element]
@@ -130,7 +127,7 @@ class SdfWorld:
     def text(self, elements: Iterable[ET.Element]) -> str:
         """Return an SDF text of some of its elements."""
         root = ET.Element("sdf", self.file.root.attrib)
-        world = ET.SubElement(root, "world", name=self.name)
+        world = ET.SubElement(root, "world", name=self.loaded.name)
         world.extend(elements)
         return ET.tostring(root, encoding="unicode")
 
@@ -165,15 +162,19 @@ def read_world(path: Path, package_paths: Sequence[Path] = ()) -> SdfWorld:
                 _rename(cleaned.element, cleaned.name, names, element, file)
                 kept[cleaned.is_static].append(cleaned.element)
     cleaner.report_missing()
-    scene = world.find("scene")
+    scene, lights = world.find("scene"), world.findall("light")
+    loaded = LoadedWorld(
+        world.get("name") or "default",
+        gravity=_read_gravity(world, file),
+        has_grid=parse_sdf_bool(text_of(scene, "grid")) is not False,
+        ground=cleaner.ground,
+        background=_read_background(scene),
+        lights=read_lights(lights, file) if lights else None,
+        report=file.report,
+    )
     return SdfWorld(
         file,
-        world.get("name") or "default",
-        _read_gravity(world, file),
-        parse_sdf_bool(text_of(scene, "grid")) is not False,
-        cleaner.ground,
-        _read_background(scene),
-        _read_lights(world, file),
+        loaded,
         kept[True],
         kept[False],
         [child for child in world if child.tag in _FRAMES],
@@ -266,11 +267,6 @@ def _read_gravity(world: ET.Element, file: SdfFile) -> Vector | None:
         problem = f"<gravity>: expected at most {_MOST_GRAVITY:g} m/s^2, got {text!r}"
         raise file.error(problem, gravity)
     return values
-
-
-def _read_lights(world: ET.Element, file: SdfFile) -> tuple[Light, ...] | None:
-    elements = world.findall("light")
-    return read_lights(elements, file) if elements else None
 
 
 def _read_background(scene: ET.Element | None) -> Vector | None:
