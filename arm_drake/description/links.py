@@ -227,7 +227,7 @@ def read_origin(element: ET.Element, file: Path, where: str) -> Origin:
 
 
 # Attributes of primitives, and how many numbers each holds.
-_SIZES = {
+SIZES = {
     "box": {"size": 3},
     "sphere": {"radius": 1},
     "cylinder": {"radius": 1, "length": 1},
@@ -430,10 +430,10 @@ class _ShapeReader:
         return [ShapeInfo(mesh, origin, name) for mesh in drawn]
 
     def _read_primitive(self, shape: ET.Element, where: str) -> Geometry:
-        if shape.tag not in _SIZES:
+        if shape.tag not in SIZES:
             raise _UnfitError(f"<{shape.tag}>, which is no geometry of a URDF")
         found: dict[str, Any] = {}
-        for name, count in _SIZES[shape.tag].items():
+        for name, count in SIZES[shape.tag].items():
             part = f"<{shape.tag} {name}>"
             sizes = numbers(shape.get(name, ""), self.file, where, part)
             if len(sizes) != count or not all(0.0 < size < math.inf for size in sizes):

@@ -34,7 +34,7 @@ from arm_drake.description.elements import (
 )
 from arm_drake.description.gazebo import read_plugins
 from arm_drake.description.joints import WORLD
-from arm_drake.description.links import Origin, Transform
+from arm_drake.description.links import SIZES, Origin, Transform
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.errors import DescriptionError, suggest
 from arm_drake.importing import dataclass
@@ -55,14 +55,6 @@ _NO_LIMIT = 1e15
 
 # The frame of axes before version 1.5 of SDF was the model's.
 _AXES_IN_JOINT = (1, 5)
-
-# Geometries by the tags of their measures; SDF writes them as elements.
-_GEOMETRIES = {
-    "box": ("size",),
-    "sphere": ("radius",),
-    "cylinder": ("radius", "length"),
-    "capsule": ("radius", "length"),
-}
 
 # What has a frame in a model, and what of it a joint may connect.
 _HOLDERS = ("link", "joint", "frame")
@@ -367,7 +359,7 @@ class _Model:
         kind = next(iter(geometry), None) if geometry is not None else None
         if kind is None or kind.tag == "empty":
             return
-        if kind.tag not in (*_GEOMETRIES, "mesh"):
+        if kind.tag not in (*SIZES, "mesh"):
             what = f"geometry <{kind.tag}> of {shape.tag} {attribute(shape, 'name')!r}"
             severity: Severity = "error" if shape.tag == "collision" else "warning"
             self._note(severity, "unsupported", what, "it is left out", link)
@@ -381,7 +373,8 @@ class _Model:
             names = {"filename": uri if path is None else str(path)}
             ET.SubElement(place, "mesh", names | ({"scale": scale} if scale else {}))
         else:
-            measures = {tag: text_of(kind, tag) for tag in _GEOMETRIES[kind.tag]}
+            # SDF writes as elements what are attributes in URDF.
+            measures = {tag: text_of(kind, tag) for tag in SIZES[kind.tag]}
             ET.SubElement(place, kind.tag, measures)
         color = text_of(shape, "material/diffuse") or text_of(shape, "material/ambient")
         if shape.tag == "visual" and color:
