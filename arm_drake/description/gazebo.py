@@ -18,8 +18,8 @@ from typing import Any
 from arm_drake.description.elements import (
     ElementReader,
     attribute,
-    parse_bool,
     parse_number,
+    parse_sdf_bool,
     text_of,
 )
 from arm_drake.description.gazebo_plugins import (
@@ -453,7 +453,7 @@ class _FieldReader(ElementReader):
             if number is not None and number.is_integer():
                 return int(number)
             return self.expected(tag, "an integer", text)
-        value = parse_bool({"1": "true", "0": "false"}.get(text, text))
+        value = parse_sdf_bool(text)
         if value is None:
             self.expected(tag, "true or false", text)
         return value

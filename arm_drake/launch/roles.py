@@ -18,9 +18,9 @@ import yaml
 
 from arm_drake import yaml_files
 from arm_drake.description.elements import parse_float
+from arm_drake.description.links import Pose
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
-from arm_drake.description.robot import Pose
 from arm_drake.description.sdf import is_sdf, moves_by_itself
 from arm_drake.description.xacro import expand_xacro
 from arm_drake.errors import DescriptionError, PackageError
