@@ -1,4 +1,4 @@
-"""What the servo is told of the values that command interfaces hold."""
+"""Commands for the servo, from the values of command interfaces."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Which joints follow others, by the URDF and by `<ros2_control>`."""
+"""Mimic joints, by the URDF and by `<ros2_control>`."""
 
 import xml.etree.ElementTree as ET
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What Gazebo's drives of bases share: limits of speeds, topics, odometry.
+"""Base of Gazebo's drives of bases: limits of speeds, topics, odometry.
 
 Sources: gz-sim, src/systems/diff_drive/DiffDrive.cc and those beside it, which limit
 speeds and publish alike; gz-math, src/SpeedLimiter.cc.
