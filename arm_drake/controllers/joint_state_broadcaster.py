@@ -73,7 +73,7 @@ class JointStateBroadcasterParameters:
     ] = True
 
     # Frame of the message's header.
-    frame_id: str = "base_link"
+    frame_id: Annotated[str, Rule(rolling="base_link")] = ""
 
 
 class JointStateBroadcaster(ControllerInterface):

@@ -160,7 +160,7 @@ JSB_DEFAULTS = {
     "use_local_topics": False,
     "use_urdf_to_filter": True,
     "publish_dynamic_joint_states": True,
-    "frame_id": "base_link",
+    "frame_id": "",
 }
 
 DEFAULTS: dict[str, dict[str, Any]] = {
