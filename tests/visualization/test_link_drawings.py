@@ -1,4 +1,4 @@
-"""What is drawn beside visual shapes is where, and as large, as mechanics has it."""
+"""Drawings beside visual shapes: as large, and where, as mechanics has it."""
 
 from pathlib import Path
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from pydrake.geometry import Rgba
-from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.math import RigidTransform
 
 from arm_drake.arrays import is_finite
 from arm_drake.description.joints import last_master, links_on
@@ -21,7 +21,7 @@ from arm_drake.description.robot import Robot
 from arm_drake.errors import ArmDrakeError, InputError, check_known
 from arm_drake.planning.groups import PlanningGroup, find_state, planning_groups
 from arm_drake.planning.orientation_constraint import OrientationConstraint
-from arm_drake.plant.plant import transform_of
+from arm_drake.plant.plant import pose_of, transform_of
 from arm_drake.simulation.mailbox import GoalHandle
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.ghost import Ghost
@@ -140,7 +140,7 @@ class _Goal:
     @property
     def X_WF(self) -> RigidTransform:
         """The pose as a transform."""
-        return RigidTransform(RollPitchYaw(np.array(self.pose[3:])), self.pose[:3])
+        return transform_of(self.pose)
 
 
 class MotionPlanning:
@@ -492,9 +492,7 @@ class MotionPlanning:
         return self._shift() @ forward_kinematics(self._robot, positions, self._frame)
 
     def _pose_at(self, positions: Mapping[str, float]) -> list[float]:
-        X = self._where(positions)
-        turn = RollPitchYaw(X.rotation()).vector()
-        return [*map(float, X.translation()), *map(float, turn)]
+        return list(pose_of(self._where(positions)))
 
     def _collisions(self, positions: Mapping[str, float]) -> str:
         """Return what collides where joints are somewhere, in words."""

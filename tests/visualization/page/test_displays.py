@@ -1,4 +1,4 @@
-"""What topics say is drawn where it is: paths, scans, clouds, wrenches, contacts."""
+"""Drawings of topics: paths, scans, clouds, wrenches, contacts."""
 
 import math
 from collections.abc import Iterator

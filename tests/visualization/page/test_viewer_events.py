@@ -1,4 +1,4 @@
-"""What a click on the page of `arm-drake view` does."""
+"""Clicks on the page of `arm-drake view`."""
 
 from collections.abc import Iterator
 from typing import Any
