@@ -88,7 +88,8 @@ class LiveViews:
         """
         self.scene = scene
         self._simulation = simulation
-        self._is_recorded = is_recorded
+        # Whether what is drawn is kept for a recording.
+        self.is_recorded = is_recorded
         self._robots = simulation.robots
         self._frames = frame_names(list(self._robots.values()))
         self._views = LinkViews(scene, shown)
@@ -264,11 +265,6 @@ class LiveViews:
         self._views.update(poses)
         self.readout.update({**things, **self._named(poses)}, self._fixed_frame)
 
-    @property
-    def is_recorded(self) -> bool:
-        """Whether what is drawn is kept for a recording."""
-        return self._is_recorded
-
     def end_recording(self) -> None:
         """Leave out what would stand still in a recording: contact forces."""
         for arrows in self._arrows.values():
@@ -337,20 +333,20 @@ class LiveViews:
     ) -> None:
         """Move all so that the fixed frame stays."""
         X_WF = where.get(self._fixed_frame, RigidTransform())
-        if self._is_recorded or not X_WF.IsExactlyEqualTo(self._X_WF):
+        if self.is_recorded or not X_WF.IsExactlyEqualTo(self._X_WF):
             self.scene.meshcat.SetTransform("/drake", X_WF.inverse(), time)
             self._X_WF = RigidTransform(X_WF)
 
     def _draw_links(self) -> None:
         now = self._simulation.time
-        time = now if self._is_recorded else None
+        time = now if self.is_recorded else None
         poses = {name: self._simulation.link_poses(name) for name in self._robots}
         where = self._named(poses)
         self._move_frame(where, time)
         self._views.update(poses, time)
         if self._trail is not None:
             point = where[self._trail_link].translation()
-            self._trail.append(now, point, is_recorded=self._is_recorded)
+            self._trail.append(now, point, is_recorded=self.is_recorded)
         if self._has_ghosts:
             for name, ghost in self._ghosts.items():
                 description = self._robots[name].description
@@ -358,7 +354,7 @@ class LiveViews:
                 positions = commanded_positions(self._simulation, name)
                 base_pose = poses[name].get(base)
                 # Where it is as commanded, only the robot itself is to be seen.
-                hidden_at = None if self._is_recorded else poses[name]
+                hidden_at = None if self.is_recorded else poses[name]
                 ghost.show(
                     positions, base_pose=base_pose, time=time, hidden_at=hidden_at
                 )
