@@ -27,14 +27,14 @@ from arm_drake.arrays import Array, Indices, Mask, clamp
 from arm_drake.description.gazebo_plugins import (
     AckermannSteering,
     ApplyJointForce,
+    ClassicBase,
     ContactSensorTag,
-    GazeboRosAckermannDrive,
     GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
-    GazeboRosPlanarMove,
     ImuSensorTag,
     JointController,
+    JointPlugin,
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
@@ -225,30 +225,9 @@ class JointForces(Message):
         return np.bincount(self._joint, weights, minlength=k).astype(float)
 
 
-GazeboTag = (
-    JointPositionController
-    | JointController
-    | ApplyJointForce
-    | JointTrajectoryController
-    | JointStatePublisher
-    | WheelDrive
-    | OdometryPublisher
-    | VelocityControl
-    | ImuSensorTag
-    | GazeboRosJointPoseTrajectory
-    | GazeboRosJointStatePublisher
-    | GazeboRosDiffDrive
-    | GazeboRosPlanarMove
-    | GazeboRosAckermannDrive
-)
+GazeboTag = JointPlugin | ImuSensorTag
 
-_Classic = (
-    GazeboRosJointPoseTrajectory
-    | GazeboRosJointStatePublisher
-    | GazeboRosDiffDrive
-    | GazeboRosPlanarMove
-    | GazeboRosAckermannDrive
-)
+_Classic = ClassicBase | GazeboRosJointPoseTrajectory | GazeboRosJointStatePublisher
 _OneJoint = JointPositionController | JointController
 
 # What a topic of Gazebo Sim can't have in its name.
