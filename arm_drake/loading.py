@@ -17,23 +17,28 @@ from arm_drake.description.bridge import (
     remapped_topics,
     split_bridges,
 )
-from arm_drake.description.claimed_hardware import hardware_from_controllers
+from arm_drake.description.claimed_hardware import (
+    WHEEL_PARAMETERS,
+    hardware_from_controllers,
+)
 from arm_drake.description.control_files import default_controllers, find_control_files
 from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.controllers import (
     load_controllers as load_controllers_config,
 )
 from arm_drake.description.drive_gains import gazebo_nodes
+from arm_drake.description.elements import declare_prefixes
 from arm_drake.description.entry import TEXT, Source, check_text, find_entry, is_xml
 from arm_drake.description.gazebo_plugins import ApplyJointForce, Ros2ControlPlugin
 from arm_drake.description.inertia import repair_free_base
 from arm_drake.description.initial_positions import find_initial_positions
 from arm_drake.description.joints import WORLD
+from arm_drake.description.links import Pose
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.parameters import DISTROS
 from arm_drake.description.plugin_control import add_plugins, plugin_joints
 from arm_drake.description.report import LoadReport, Places
-from arm_drake.description.robot import Pose, Robot
+from arm_drake.description.robot import Robot
 from arm_drake.description.sdf import convert_sdf, is_sdf
 from arm_drake.description.sensors import add_gazebo_sensors, find_sensors
 from arm_drake.description.source_files import find_source_files
@@ -62,19 +67,8 @@ _DISTRO_ALIASES = {
 _MODELLED_DISTRO = "jazzy"
 
 
-# What drives a mobile robot's base: controllers and Gazebo plugins.
-BASE_CONTROLLERS = frozenset(
-    {
-        "ackermann_steering_controller/AckermannSteeringController",
-        "bicycle_steering_controller/BicycleSteeringController",
-        "diff_drive_controller/DiffDriveController",
-        "mecanum_drive_controller/MecanumDriveController",
-        "omni_wheel_drive_controller/OmniWheelDriveController",
-        "tricycle_controller/TricycleController",
-        "tricycle_steering_controller/TricycleSteeringController",
-    }
-)
-BASE_PLUGINS = re.compile(
+# Gazebo plugins that drive a mobile robot's base.
+_BASE_PLUGINS = re.compile(
     r"(ackermann|diff|mecanum|skid|tricycle|omni)[\w-]*(drive|steer)|planar_?move"
     r"|velocity-control-system|::VelocityControl\b",
     re.I,
@@ -314,7 +308,7 @@ def as_urdf(text: str, file: Path, folders: Sequence[Path], report: LoadReport) 
         DescriptionError: If it is SDF that describes no robot.
     """
     if not is_sdf(text):
-        return text
+        return declare_prefixes(text)
     from arm_drake.worlds.sdf_files import ModelFinder  # Few robots are SDF.
 
     return convert_sdf(text, file, report, ModelFinder(file, folders).find_file)
@@ -440,7 +434,7 @@ def _has_free_base(
     """Return whether something drives the base, and no joint holds it in the world."""
     if any(joint.parent == WORLD for joint in description.joints):
         return False
-    is_driven = any(c.type in BASE_CONTROLLERS for c in config.controllers)
+    is_driven = any(c.type in WHEEL_PARAMETERS for c in config.controllers)
     is_driven |= any(base.driven for base in find_bases(description, config))
     pushed = {
         name
@@ -453,7 +447,7 @@ def _has_free_base(
         for joint in description.joints
     )
     return is_driven or any(
-        BASE_PLUGINS.search(f"{plugin.filename} {plugin.name}")
+        _BASE_PLUGINS.search(f"{plugin.filename} {plugin.name}")
         for plugin in description.gazebo_plugins
     )
 

@@ -25,7 +25,7 @@ from arm_drake.description.controllers import (
     PLUGIN_NODES,
     PLUGIN_PARAMETERS,
 )
-from arm_drake.description.elements import parse_bool, parse_number
+from arm_drake.description.elements import parse_number, parse_sdf_bool
 from arm_drake.description.gazebo import GazeboPlugin
 from arm_drake.description.parameters import NodeParameters, Parameter, Parameters
 from arm_drake.description.report import LoadReport, Severity
@@ -94,11 +94,6 @@ def gazebo_tags(
     for plugin, other in gazebo_plugins(description):
         if other == simulator and plugin.texts(tag):
             yield plugin, plugin.texts(tag)[0]
-
-
-def parse_sdf_bool(text: str) -> bool | None:
-    """Return the bool that a text is to SDF, or None."""
-    return parse_bool({"1": "true", "0": "false"}.get(text, text))
 
 
 def report_unread(robot: Robot, report: LoadReport) -> None:

@@ -15,19 +15,17 @@ from typing import ClassVar, Final
 from arm_drake.description.elements import (
     ElementReader,
     attribute,
-    parse_bool,
-    parse_number,
+    parse_sdf_bool,
+    parse_sdf_pose,
     text_of,
 )
 from arm_drake.description.gazebo import KEEPING, GazeboPlugin, read_plugins
 from arm_drake.description.gazebo_plugins import ImuSensorTag, Noise
 from arm_drake.description.joints import WORLD, JointInfo
+from arm_drake.description.links import Pose
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import suggest
 from arm_drake.importing import dataclass
-
-# x, y, z [m], roll, pitch, yaw [rad].
-Pose = tuple[float, float, float, float, float, float]
 
 CONTACT: Final = "contact"
 IMU: Final = "imu"
@@ -320,7 +318,7 @@ class _ImuReader(SensorReader):
 
     def _boolean(self, name: str, text: str) -> bool | None:
         """Return the bool that a text is, None where it is not given."""
-        value = parse_bool({"1": "true", "0": "false"}.get(text, text))
+        value = parse_sdf_bool(text)
         if text and value is None:
             self.expected(name, "true or false", text)
         return value
@@ -409,11 +407,10 @@ def read_sensor_pose(element: ET.Element, report: LoadReport, file: Path) -> Pos
     tag, text = element.find("pose"), text_of(element, "pose")
     if tag is None:
         return (0.0,) * 6
-    numbers = [parse_number(part) for part in text.split()]
-    known = [n for n in numbers if n is not None and math.isfinite(n)]
+    numbers = parse_sdf_pose(tag)
     where = f"sensor {attribute(element, 'name')!r}"
-    if len(numbers) != 6 or len(known) != 6:
-        known = [0.0] * 6
+    if numbers is None or len(numbers) != 6:
+        numbers = (0.0,) * 6
         if text:
             what = f"pose: expected x, y, z, roll, pitch, yaw, got {text!r}"
             done = "it is where its link is"
@@ -422,7 +419,5 @@ def read_sensor_pose(element: ET.Element, report: LoadReport, file: Path) -> Pos
         what = f"pose: relative_to {other!r}"
         done = "it is taken as relative to the link"
         report.add("warning", "ignored", what, done, where=where, file=file)
-    if parse_bool(attribute(tag, "degrees")):
-        known[3:] = map(math.radians, known[3:])
-    x, y, z, roll, pitch, yaw = known
+    x, y, z, roll, pitch, yaw = numbers
     return (x, y, z, roll, pitch, yaw)

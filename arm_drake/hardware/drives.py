@@ -24,8 +24,9 @@ from arm_drake.control.servo import (
 from arm_drake.description.drive_gains import DriveGains
 from arm_drake.description.joint_limits import find_joint_limits
 from arm_drake.description.joints import JointInfo
+from arm_drake.description.links import Pose
 from arm_drake.description.report import LoadReport
-from arm_drake.description.robot import Pose, Robot
+from arm_drake.description.robot import Robot
 from arm_drake.description.urdf import RobotDescription, reach, total_mass
 from arm_drake.hardware.servo import DrivePid
 from arm_drake.importing import dataclass

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from pydrake.geometry import Rgba
-from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.math import RigidTransform
 
 from arm_drake.arrays import is_finite
 from arm_drake.description.joints import last_master
@@ -21,13 +21,13 @@ from arm_drake.description.robot import Robot
 from arm_drake.errors import ArmDrakeError, InputError, check_known
 from arm_drake.planning.groups import PlanningGroup, find_state, planning_groups
 from arm_drake.planning.orientation_constraint import OrientationConstraint
-from arm_drake.plant.plant import transform_of
+from arm_drake.plant.plant import pose_of, transform_of
 from arm_drake.simulation.mailbox import GoalHandle
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.ghost import Ghost
 from arm_drake.visualization.link_drawings import draw_triad
 from arm_drake.visualization.page.parts import Drawn
-from arm_drake.visualization.page.scene import Event, Scene
+from arm_drake.visualization.page.scene import Scene, WidgetEvent
 from arm_drake.visualization.page.widgets import (
     Button,
     Buttons,
@@ -145,7 +145,7 @@ class _Goal:
     @property
     def X_WF(self) -> RigidTransform:
         """The pose as a transform."""
-        return RigidTransform(RollPitchYaw(np.array(self.pose[3:])), self.pose[:3])
+        return transform_of(self.pose)
 
 
 class MotionPlanning:
@@ -179,7 +179,7 @@ class MotionPlanning:
         self._ghosts: dict[tuple[str, str], Ghost] = {}
         self._plan: Plan | None = None
         self._playing: _Playing | None = None
-        self._waiting: list[Event] = []
+        self._waiting: list[WidgetEvent] = []
         self._status = "choose a goal"
 
     @property
@@ -446,7 +446,7 @@ class MotionPlanning:
         self._scene.patch(self._values())
         return True
 
-    def waiting_events(self) -> list[Event]:
+    def waiting_events(self) -> list[WidgetEvent]:
         """Return what was clicked during a search, once."""
         events, self._waiting = self._waiting, []
         return events
@@ -506,9 +506,7 @@ class MotionPlanning:
         return self._shift() @ forward_kinematics(self._robot, positions, self._frame)
 
     def _pose_at(self, positions: Mapping[str, float]) -> list[float]:
-        X = self._where(positions)
-        turn = RollPitchYaw(X.rotation()).vector()
-        return [*map(float, X.translation()), *map(float, turn)]
+        return list(pose_of(self._where(positions)))
 
     def _collisions(self, positions: Mapping[str, float]) -> str:
         """Return what collides where joints are somewhere, in words."""
