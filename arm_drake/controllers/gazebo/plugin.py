@@ -416,6 +416,12 @@ def publish_period_ns(rate: float) -> int:
     return int(min(NANOSECONDS / rate, _LONGEST_NS)) if rate > 0.0 else 0
 
 
+def is_early(elapsed_ns: float, rate: float) -> bool:
+    """Return whether less than 1 / rate [Hz] has passed; a rate of 0 is every tick."""
+    # Times of ticks are cut to whole nanoseconds. NaN compares as false.
+    return rate > 0.0 and (elapsed_ns + 1) * rate < NANOSECONDS
+
+
 def as_topic(name: str) -> str:
     """Return the full name of a topic of Gazebo Sim, without what may not be in it.
 
