@@ -27,6 +27,7 @@ from arm_drake.description.controllers import (
     load_controllers as load_controllers_config,
 )
 from arm_drake.description.drive_gains import gazebo_nodes
+from arm_drake.description.elements import declare_prefixes
 from arm_drake.description.entry import TEXT, Source, check_text, find_entry, is_xml
 from arm_drake.description.gazebo_plugins import ApplyJointForce, Ros2ControlPlugin
 from arm_drake.description.inertia import repair_free_base
@@ -307,7 +308,7 @@ def as_urdf(text: str, file: Path, folders: Sequence[Path], report: LoadReport) 
         DescriptionError: If it is SDF that describes no robot.
     """
     if not is_sdf(text):
-        return text
+        return declare_prefixes(text)
     from arm_drake.worlds.sdf_files import ModelFinder  # Few robots are SDF.
 
     return convert_sdf(text, file, report, ModelFinder(file, folders).find_file)

@@ -295,6 +295,20 @@ def test_the_text_of_a_description_is_loaded():
     assert sim.rollout().joint_names == ("j",)
 
 
+@pytest.mark.parametrize("is_file", [True, False])
+def test_prefixes_that_nobody_declares_are_no_mistake_as_for_ros(tmp_path, is_file):
+    limit = 'lower="-1" drake:acceleration="2"'
+    group = '<drake:group name="g"/><!-- <a:b/> http://c.d -->'
+    text = ARM.replace('lower="-1"', limit).format(more=group)
+    text = f"<!-- made by xacro from <robot> -->\n{text}"
+    file = tmp_path / "arm.urdf"
+    file.write_text(text)
+
+    robot = ad.load_robot(file if is_file else text)
+
+    assert robot.description.joint("j").limits.range == (-1.0, 2.0)
+
+
 @pytest.mark.parametrize("is_given", [True, False])
 def test_a_text_finds_its_meshes_in_the_package_paths_or_here(
     tmp_path, monkeypatch, is_given

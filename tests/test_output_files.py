@@ -1,4 +1,4 @@
-"""What can't be written is found out first, and what is there stays."""
+"""Output files that can't be written: found out first, and old ones stay."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""What commands print as JSON has the form that the checked-in schemas say."""
+"""JSON output of commands, against the checked-in schemas."""
 
 import json
 from pathlib import Path

@@ -10,9 +10,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from arm_drake.arrays import Array
+from arm_drake.arrays import Array, Indices, Mask
 from arm_drake.importing import dataclass
 
 # Correlation of inertias above which joints push each other about.
@@ -23,7 +22,7 @@ _ROUNDS = 200
 _EXCESS = 1.01
 
 
-def find_groups(masses: Array) -> NDArray[np.intp]:
+def find_groups(masses: Array) -> Indices:
     """Return the number of the group of each joint, shape (n,).
 
     Joints of a group push each other about when they accelerate.
@@ -34,7 +33,7 @@ def find_groups(masses: Array) -> NDArray[np.intp]:
     for i, j in np.argwhere(correlation > _COUPLED):
         if group[i] != group[j]:
             group[group == group[j]] = group[i]
-    numbers: NDArray[np.intp] = np.unique(group, return_inverse=True)[1]
+    numbers: Indices = np.unique(group, return_inverse=True)[1]
     return numbers
 
 
@@ -128,7 +127,7 @@ class DriveLimits:
     velocity: Array
 
     # Which joints are prismatic, with N and m instead, shape (n,).
-    is_prismatic: NDArray[np.bool_]
+    is_prismatic: Mask
 
     # Positions between their stops [rad], shape (n,).
     lower: Array
@@ -179,11 +178,11 @@ class ServoGains:
     effort_limit: Array
 
     # Whether a joint has a limit, and one above its own weight.
-    is_strong: NDArray[np.bool_]
+    is_strong: Mask
 
     # Number of the group of joints that a joint is in: those that push each other about
     # and wait for each other.
-    group: NDArray[np.intp]
+    group: Indices
 
     # Part of the command of the step before in what the servo follows. With it a joint
     # is where the ideal drive would be in continuous time, whatever the step.
@@ -300,8 +299,8 @@ class _Efforts(NamedTuple):
     spare: Array
 
     # Whether it overcomes gravity and friction well, and whether not even friction.
-    is_strong: NDArray[np.bool_]
-    is_stuck: NDArray[np.bool_]
+    is_strong: Mask
+    is_stuck: Mask
 
 
 def _find_efforts(

@@ -21,9 +21,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Final, Literal, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from arm_drake.arrays import Array
+from arm_drake.arrays import Array, Mask
 from arm_drake.importing import dataclass
 from arm_drake.messages import (
     NANOSECONDS,
@@ -32,8 +31,6 @@ from arm_drake.messages import (
     JointTrajectoryPoint,
     Message,
 )
-
-Mask = NDArray[np.bool_]
 
 FIELDS: Final = ("positions", "velocities", "accelerations", "effort")
 
@@ -179,17 +176,6 @@ def make_polynomials(knots: Knots, durations: Array) -> list[Polynomial]:
         polynomials.append(Polynomial(*rows))
     return polynomials
 
-
-__all__ = [
-    "Array",
-    "Interpolation",
-    "Mask",
-    "Sample",
-    "StateBefore",
-    "Trajectory",
-    "shortest_angular_distance",
-    "wrap_state_before",
-]
 
 Interpolation = Literal["splines", "none"]
 
@@ -695,7 +681,6 @@ def _frozen(
 
 
 def _zero(joint: int) -> float:
-    del joint
     return 0.0
 
 

@@ -325,12 +325,10 @@ class _SteadyPose(SteadyBroadcast[PoseBroadcasterState]):
         self, time_ns: int, motions: Array, memory: list[float]
     ) -> Sequence[float] | None:
         """Return no values; None where what went to /tf before stays."""
-        del time_ns, memory
         return () if is_valid(self._values(motions).tolist()) else None
 
     def commands_ahead(self, times_ns: Sequence[int]) -> None:
         """Return None, for the pose counts."""
-        del times_ns
         return None
 
 

@@ -52,6 +52,22 @@ _MAX_SHOWN = 80
 
 _BOOLS = {"true": True, "false": False}
 
+# A prefix of a tag or attribute, one that is declared, and where the root's name ends.
+_PREFIX = re.compile(r"[<\s]/?([A-Za-z_][\w.-]*):[\w.-]+(?=[\s=/>])")
+_DECLARED = re.compile(r"\sxmlns:([\w.-]+)\s*=")
+_ROOT = re.compile(r"(\s|<\?.*?\?>|<!--.*?-->)*<[\w.:-]+", re.DOTALL)
+
+
+def declare_prefixes(text: str) -> str:
+    """Return an XML text with all its prefixes declared; urdfdom asks for none."""
+    declared = {"xml", "xmlns", *_DECLARED.findall(text)}
+    lacking = dict.fromkeys(p for p in _PREFIX.findall(text) if p not in declared)
+    root = _ROOT.match(text)
+    if root is None or not lacking:
+        return text
+    names = "".join(f' xmlns:{prefix}="{prefix}"' for prefix in lacking)
+    return text[: root.end()] + names + text[root.end() :]
+
 
 def parse_xml(text: str, file: Path) -> ET.Element:
     """Return the root element of a text."""

@@ -36,6 +36,7 @@ from arm_drake.description.gazebo_plugins import (
     VelocityControl,
     WheelDrive,
 )
+from arm_drake.description.joints import JointInfo, Mimic
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import MISSPELT, find_close, suggest
 from arm_drake.importing import dataclass
@@ -58,8 +59,14 @@ _MOVING = re.compile(
     r"|gazebo_ros_(tricycle_drive|force|hand_of_god)"
 )
 
+# Libraries that let a joint follow another one, which Gazebo Classic itself doesn't.
+_MIMIC = re.compile(r"(roboticsgroup_(upatras_)?)?gazebo_mimic_joint_plugin")
+
 # Tags of a joint that keep Gazebo from merging the links that it holds together.
 KEEPING = ("preserveFixedJoint", "disableFixedJointLumping")
+
+# Tags of a link that say whether gravity acts on it, with what they usually say.
+_WEIGHT: Mapping[str, bool] = {"gravity": True, "turnGravityOff": False}
 
 # The plugin of RealSense's maker for its cameras, and Gazebo's own for IMUs.
 _REALSENSE = "realsense_gazebo_plugin"
@@ -128,6 +135,11 @@ class GazeboPlugin:
         return _MOVING.fullmatch(self.library) is not None
 
     @property
+    def is_mimic(self) -> bool:
+        """Whether it lets a joint follow another one."""
+        return _MIMIC.fullmatch(self.library) is not None
+
+    @property
     def sensor_system(self) -> str:
         """The sensors of a world that it lets work, which they do without it.
 
@@ -186,6 +198,37 @@ def read_plugins(parent: ET.Element, reference: str) -> Iterator[GazeboPlugin]:
         )
 
 
+def add_mimics(
+    joints: Sequence[JointInfo],
+    plugins: Collection[GazeboPlugin],
+    report: LoadReport,
+    file: Path,
+) -> tuple[JointInfo, ...]:
+    """Return the joints, with a mimic where a plugin alone lets them follow."""
+    found = {joint.name: joint for joint in joints}
+    for plugin in (each for each in plugins if each.is_mimic):
+        reader = ElementReader(f"Gazebo plugin {plugin.name!r}", report, file)
+        master, name = plugin.text("joint"), plugin.text("mimicJoint")
+        if name not in found:
+            what = f"<mimicJoint> {name!r}, which doesn't exist; {suggest(name, found)}"
+            reader.note("warning", "invalid", what, "the plugin is left out")
+            continue
+        factor = reader.finite(plugin.text("multiplier") or "1", "multiplier")
+        offset = reader.finite(plugin.text("offset") or "0", "offset")
+        mimic = Mimic(master, 1.0 if factor is None else factor, offset or 0.0)
+        stated = found[name].mimic
+        if stated is None:
+            found[name] = dc.replace(found[name], mimic=mimic)
+            what = f"lets it follow {master!r}; the URDF doesn't"
+            where = f"joint {name!r}"
+            reader.note("info", "repair", what, "taken as its <mimic>", where)
+        elif stated != mimic:
+            what = f"{name} = {mimic.multiplier:g} {master} + {mimic.offset:g}, in the "
+            what += f"URDF {stated.multiplier:g} {stated.joint} + {stated.offset:g}"
+            reader.note("warning", "invalid", what, "the URDF counts")
+    return tuple(found.values())
+
+
 def report_gazebo(
     root: ET.Element,
     report: LoadReport,
@@ -204,13 +247,7 @@ def report_gazebo(
     """
     holders = {f"sensor {name!r}" for name in sensors}
     found = read_gazebo_plugins(root)
-    moving = dict.fromkeys(repr(each.filename) for each in found if each.is_moving)
-    if moving:
-        what = (
-            f"Gazebo plugins {', '.join(moving)} move the robot; they aren't simulated"
-        )
-        done = "controllers and the plugins that are simulated move it alone"
-        report.add("warning", "unsupported", what, done, file=file)
+    _report_moving(found, report, file)
     alike = [each for each in found if each.is_like_ros2_control]
     if alike:
         names = ", ".join(repr(each.filename or each.name) for each in alike)
@@ -221,7 +258,7 @@ def report_gazebo(
         repr(plugin.filename or plugin.name)
         for plugin in found
         if plugin.kind == "other"
-        and not plugin.is_moving
+        and not (plugin.is_moving or plugin.is_mimic)
         and not (plugin.holder in holders and plugin.sensor)
         and plugin.sensor_system not in systems
         and not (plugin.is_realsense and sees)
@@ -231,7 +268,7 @@ def report_gazebo(
         for gazebo in root.iterfind("gazebo")
         for child in gazebo
         # Friction and links that stay apart have an effect, sensors their own lines.
-        if child.tag not in ("plugin", "mu1", "sensor", *KEEPING)
+        if child.tag not in ("plugin", "mu1", "sensor", *KEEPING, *_WEIGHT)
         and not _states_friction(child)
     )
     for sort, counts in (("Gazebo plugins", plugins), ("<gazebo> tags", tags)):
@@ -243,6 +280,19 @@ def report_gazebo(
             what = f"{sort} {names}"
             report.add("info", "ignored", what, "they have no effect", file=file)
     _report_friction(root, report, file)
+    _report_weight(root, report, file)
+
+
+def _report_moving(
+    plugins: Sequence[GazeboPlugin], report: LoadReport, file: Path
+) -> None:
+    """Report plugins that would move the robot, but nothing stands in for them."""
+    moving = dict.fromkeys(repr(each.filename) for each in plugins if each.is_moving)
+    if moving:
+        what = f"Gazebo plugins {', '.join(moving)} move the robot; "
+        what += "they aren't simulated"
+        done = "controllers and the plugins that are simulated move it alone"
+        report.add("warning", "unsupported", what, done, file=file)
 
 
 def _states_friction(child: ET.Element) -> bool:
@@ -255,14 +305,34 @@ def _states_friction(child: ET.Element) -> bool:
 def _report_friction(root: ET.Element, report: LoadReport, file: Path) -> None:
     """Report the friction of what is no link."""
     links = [attribute(link, "name") for link in root.iterfind("link")]
+    joints = {attribute(joint, "name") for joint in root.iterfind("joint")}
     for gazebo in root.iterfind("gazebo"):
-        reference = attribute(gazebo, "reference")
+        reference, where = attribute(gazebo, "reference"), ""
         if gazebo.find("mu1") is not None and reference not in links:
             what = "<mu1> in a tag without reference, that is, of no link"
-            if reference:
+            if reference in joints:
+                where, what = f"joint {reference!r}", "<mu1> of a joint"
+            elif reference:
                 what = f"<mu1> of {reference!r}, which is no link; "
                 what += suggest(reference, links)
-            report.add("warning", "ignored", what, "it has no effect", file=file)
+            done = "it has no effect"
+            report.add("warning", "ignored", what, done, where=where, file=file)
+
+
+def _report_weight(root: ET.Element, report: LoadReport, file: Path) -> None:
+    """Report links on which gravity doesn't act in Gazebo."""
+    for gazebo in root.iterfind("gazebo"):
+        where = f"link {attribute(gazebo, 'reference')!r}"
+        said = {e.tag: _value(e) for e in gazebo if e.tag in _WEIGHT}
+        for tag, text in said.items():
+            if (text.lower() in ("true", "yes", "1")) != _WEIGHT[tag]:
+                what, done = f"<{tag}> is {text!r}", "it has its weight here"
+                report.add("warning", "unsupported", what, done, where=where, file=file)
+
+
+def _value(element: ET.Element) -> str:
+    """Return the value of a tag below `<gazebo>`, an attribute or a text."""
+    return attribute(element, "value") or text_of(element)
 
 
 def _plugins(parent: ET.Element, holder: str) -> Iterator[tuple[str, ET.Element]]:
@@ -522,7 +592,7 @@ def read_friction(root: ET.Element, links: Collection[str]) -> dict[str, float]:
         link = attribute(gazebo, "reference")
         for path in ("mu1", _FRICTION):
             for element in gazebo.iterfind(path):
-                mu = parse_number(text_of(element))
+                mu = parse_number(_value(element))
                 if mu is not None and mu >= 0.0 and link in links:
                     found[link] = min(mu, _USUAL_FRICTION)
     return found

@@ -17,7 +17,6 @@ from arm_drake.launch.substitutions import (
     LaunchConfiguration,
     LaunchContext,
     Substitution,
-    current,
     describe,
     find_package,
     is_substitution,
@@ -53,7 +52,7 @@ class SRDF(types.SimpleNamespace):
     @classmethod
     def from_xml_string(cls, text: str) -> "SRDF":
         """Return what a semantic description says."""
-        return cls._of(ET.fromstring(current().expanded(text)))  # noqa: S314  no entities.
+        return cls._of(ET.fromstring(text))  # noqa: S314  no entities.
 
     @classmethod
     def _of(cls, element: ET.Element) -> "SRDF":
@@ -79,9 +78,12 @@ class Xacro(Substitution):
         super().__init__(file_path)
         self.mappings = dict(mappings or {})
 
-    def perform(self, context: LaunchContext) -> str:
-        mappings = {perform(context, name): v for name, v in self.mappings.items()}
-        return describe(Path(perform(context, self.args[0])), mappings)
+    def text_of(self, context: LaunchContext) -> str:
+        texts = {
+            perform(context, name): perform(context, value)
+            for name, value in self.mappings.items()
+        }
+        return context.describe(perform(context, self.args[0]), texts)
 
 
 def _describe(path: Path, mappings: Mapping[Any, Any] | None) -> Any:

@@ -79,10 +79,6 @@ _INSTEAD = {
 }
 
 
-# What stands for a description is no larger, with spaces around [bytes].
-_LARGEST_KEY = 100
-
-
 @dataclass(frozen=True)
 class NotStarted:
     """Something of a launch file that isn't run here."""
@@ -405,6 +401,14 @@ class Roles:
                 return Description(topic, space, file, {}, prefix)
         return Description(topic, space, text, {}, prefix)
 
+    def _read_key(self, path: Path) -> str | None:
+        """Return the key of the description that a launch file wrote there, if any."""
+        if not (path.is_relative_to(self._folder.path) and _is_file(path)):
+            return None
+        text = _read_text(path).strip()
+        known = self._answer["expansions"].items()
+        return next((key for key, each in known if each.strip() == text), None)
+
     def _read_publisher(self, record: Mapping[str, Any]) -> None:
         topic = _remapped(_TOPIC, record)
         values = _merge(record)
@@ -567,9 +571,8 @@ class Roles:
         topic, file, text = option("topic"), option("file"), option("string")
         description = None
         path = None if file is None else Path(file)
-        if path is not None and _has_key(path):
-            text = _read_text(path)
-            path = None
+        if path is not None and (key := self._read_key(path)) is not None:
+            path, text = None, key
         if path is not None:
             if path.suffix == ".sdf" or (_is_file(path) and _is_sdf(path)):
                 if not _is_file(path):
@@ -734,12 +737,6 @@ def _is_file(path: Path) -> bool:
         return path.is_file()
     except (OSError, ValueError):  # Such as a name that is too long.
         return False
-
-
-def _has_key(path: Path) -> bool:
-    """Return whether a launch file wrote there what stands for a description."""
-    is_small = _is_file(path) and path.stat().st_size < _LARGEST_KEY
-    return is_small and KEY.fullmatch(_read_text(path).strip()) is not None
 
 
 def _is_robot(path: Path) -> bool:

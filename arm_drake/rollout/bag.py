@@ -362,7 +362,7 @@ class RobotTopics:
             try:
                 pose = base_pose(rollout.info)
                 self._transforms = read_transforms(rollout.description, pose)
-            except ET.ParseError:
+            except (ET.ParseError, InputError):
                 return
             fixed = fixed_frames(rollout, self._transforms)
             if fixed:

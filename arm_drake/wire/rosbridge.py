@@ -19,21 +19,21 @@ import tornado.web
 import tornado.websocket
 
 from arm_drake.errors import ArmDrakeError, InputError
-from arm_drake.rollout.bag import stamp
 from arm_drake.wire.encodings import (
     Encoded,
     Encoder,
     Fragments,
     decode_cbor,
     encode,
+    from_json,
     from_png,
     make_frame,
     split,
     to_png,
 )
-from arm_drake.wire.graph import GoalEvent, Graph, Request, Topic
+from arm_drake.wire.graph import GoalEvent, Request, Topic
 from arm_drake.wire.server import RosServer
-from arm_drake.wire.types import WireTypes, full_name
+from arm_drake.wire.types import full_name
 
 # Largest message that is taken [bytes], and how many a client may send a second.
 _MAX_SIZE, _MAX_RATE = 10_000_000, 2000
@@ -248,13 +248,7 @@ class Client(tornado.websocket.WebSocketHandler):
 
 def _read(message: str | bytes) -> dict[str, Any]:
     """Return what a message says, or raise InputError."""
-    if isinstance(message, bytes):
-        content = decode_cbor(message)
-    else:
-        try:
-            content = json.loads(message)
-        except (ValueError, RecursionError) as error:
-            raise InputError(f"no JSON: {error}") from None
+    content = from_json(message) if isinstance(message, str) else decode_cbor(message)
     if not isinstance(content, dict):
         raise InputError(f"expected an object with op, got a {type(content).__name__}")
     return content
@@ -562,25 +556,6 @@ class Rosbridge:
             reply(self.server.types.complete(type_, values))
 
         self._submit(client, content, "call", name, fields, complete)
-
-    @property
-    def graph(self) -> Graph:
-        """The simulation's graph."""
-        return self.server.graph
-
-    @property
-    def types(self) -> WireTypes:
-        """Its types."""
-        return self.server.types
-
-    def served(self) -> tuple[dict[str, str], dict[str, str]]:
-        """Return the types of services and of actions that clients have."""
-        services = {name: each.type for name, each in self.services.items()}
-        return services, {name: each.type for name, each in self.actions.items()}
-
-    def now(self) -> dict[str, int]:
-        """Return the clock of the simulation, as a time of ROS."""
-        return stamp(self.server.now_ns)
 
     def _call_client(
         self, provider: Client, caller: Client, name: str, content: dict[str, Any]

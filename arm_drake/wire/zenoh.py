@@ -235,7 +235,7 @@ class Zenoh:
             self._nodes[node] = len(self._nodes)
             self._token("NN", node, self._nodes[node])
         for topic in graph.topics.values():
-            if topic.is_published:
+            if topic.publisher:
                 publisher = _Publisher(
                     self, topic.name, topic.type, topic.qos, topic.publisher
                 )

@@ -1,4 +1,4 @@
-"""What tests let workers run; they are imported there."""
+"""Functions that tests let workers run, which import them from here."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""How many cores a process may use: those of its affinity, within a quota."""
+"""The number of cores of a process: those of its affinity, within a quota."""
 
 import os
 

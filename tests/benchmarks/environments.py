@@ -1,4 +1,4 @@
-"""How many steps per second environments make, beside MuJoCo's Reacher.
+"""Steps per second of environments, beside MuJoCo's Reacher.
 
 All take random actions, in turns in one process; time is the processor's. A step of
 Reacher is 0.02 s of two joints, of ours 0.05 s of all of an arm, with its controller.

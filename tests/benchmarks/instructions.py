@@ -1,4 +1,4 @@
-"""How many instructions a tick takes, as valgrind counts them.
+"""Instructions of a tick, as valgrind counts them.
 
 A busy machine doesn't disturb the count, so it stands beside the times of the other
 benchmarks. Counted is what `Simulator.AdvanceTo` runs between two ticks of 10 ms while

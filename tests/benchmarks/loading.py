@@ -1,4 +1,4 @@
-"""What loading a robot takes: time and memory, with an empty cache and a full one.
+"""Time and memory of loading a robot, with an empty cache and a full one.
 
 Each robot is loaded in two fresh processes, the first with an empty cache of meshes.
 The second one loads it several times more, in turns with a peer that does only what

@@ -1,4 +1,4 @@
-"""What our own code costs: a robot's diagram beside the same one in C++ only.
+"""The cost of our own code: a robot's diagram beside the same one in C++ only.
 
 The peer has the same plant, servo, friction and logs; its commands are those that our
 controller gave, from Drake's TrajectorySource, held from tick to tick. Both simulate

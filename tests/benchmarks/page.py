@@ -1,4 +1,4 @@
-"""What a page costs a simulation: drawing, memory, a browser that stands still, Ctrl-C.
+"""The cost of a page: drawing, memory, a browser that stands still, Ctrl-C.
 
 A Chromium runs in a process of its own, so that the processor time of this one is that
 of the simulation, of Meshcat and of the page's server. Runs of one kind and another

@@ -1,4 +1,4 @@
-"""How often the myCobot places a box where it should: random sizes, places and turns.
+"""The myCobot's share of boxes placed right: random sizes, places and turns.
 
     python -m tests.benchmarks.pick_and_place --trials 100 --first 0
 

@@ -1,4 +1,4 @@
-"""What the joint servo costs per step of the plant, beside what is usual in Drake.
+"""The cost of the joint servo per step of the plant, beside what is usual in Drake.
 
 All rows simulate the same robot, with its commanded joints near their initial positions
 on slow sinusoids of commands held at 100 Hz; they take turns in one process, and time

@@ -1,4 +1,4 @@
-"""What the benchmark computes itself: motion, references, ratios."""
+"""The benchmark's own computations: motion, references, ratios."""
 
 import dataclasses as dc
 import math

@@ -1,4 +1,4 @@
-"""What a tick of a controller costs, beside an empty system with the same event.
+"""The cost of a controller's tick, beside an empty system with the same event.
 
 Each controller stands in a diagram with constants for what it measures, and runs at its
 own rate. The peer is a Python LeafSystem whose unrestricted periodic update does

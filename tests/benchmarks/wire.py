@@ -1,4 +1,4 @@
-"""What it costs a simulation that programs outside listen.
+"""The cost of programs outside that listen to a simulation.
 
 Run it with `python -m tests.benchmarks.wire`. Two processes listen to `/joint_states`,
 `/tf`, `/clock` and the controller's state of a Doosan. A few ticks are simulated for

@@ -1,4 +1,4 @@
-"""Who can reach the Meshcat server; no browser is needed to tell."""
+"""Reachability of the Meshcat server; no browser is needed for it."""
 
 import socket
 

@@ -1,4 +1,4 @@
-"""What cameras and lidars see, on the page of a simulation and in its recording."""
+"""Views of cameras and lidars, on the page of a simulation and in its recording."""
 
 import base64
 import concurrent.futures

@@ -1,4 +1,4 @@
-"""What the commands with a page say of it, and how Ctrl-C ends them."""
+"""Addresses that commands with a page print, and the end of such commands by Ctrl-C."""
 
 import argparse
 import signal

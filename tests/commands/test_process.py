@@ -1,4 +1,4 @@
-"""What the machine lacks is one message; SIGTERM is Ctrl-C."""
+"""Errors of the machine as one message; SIGTERM as Ctrl-C."""
 
 import contextlib
 import os

@@ -1,4 +1,4 @@
-"""What is commanded besides positions (spec D4: C6 to C9, C11, C39)."""
+"""Commands besides positions (spec D4: C6 to C9, C11, C39)."""
 
 import dataclasses as dc
 import types

@@ -1,4 +1,4 @@
-"""How fast time passes along trajectories (spec C1.14, D4: C23 to C25)."""
+"""The speed of time along trajectories (spec C1.14, D4: C23 to C25)."""
 
 from math import inf, nan
 

@@ -1,4 +1,4 @@
-"""How joints are held or braked (spec C1.11, D4: C27 to C30)."""
+"""Joints that are held or braked (spec C1.11, D4: C27 to C30)."""
 
 import numpy as np
 import pytest

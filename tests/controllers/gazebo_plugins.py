@@ -1,4 +1,4 @@
-"""What the tests of Gazebo's plugins share: surroundings, and a mass to push."""
+"""Interfaces and a mass to push, shared by the tests of Gazebo's plugins."""
 
 import dataclasses as dc
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""What all controllers read: what is measured, what others export, and nothing else."""
+"""Inputs of all controllers: measurements, references of others, and nothing else."""
 
 import numpy as np
 import pytest

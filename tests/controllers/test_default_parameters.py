@@ -1,4 +1,4 @@
-"""What isn't given is as in ros2_controllers, with jazzy's defaults where they differ.
+"""Defaults of ros2_controllers, jazzy's where they differ.
 
 The numbers are those of upstream's parameter files.
 """

@@ -1,4 +1,4 @@
-"""What a PassthroughController passes on, by itself and in chains."""
+"""PassthroughController by itself and in chains."""
 
 import math
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What ros2_controllers refuses is refused here, with one message."""
+"""Parameters that ros2_controllers refuses: one message here, too."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What a controller doesn't act on, or not as written, is said in the report."""
+"""Parameters that have no effect, or another one than written: a line of the report."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What drives and steers a base is found in the controllers' parameters."""
+"""Wheels that drive and steer a base, from the controllers' parameters."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What isn't read is said once."""
+"""Lines of the report about elements that aren't read: one for each."""
 
 import xml.etree.ElementTree as ET
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What descriptions and YAML files say about how Gazebo drives the joints."""
+"""Gains of Gazebo's drives, from descriptions and YAML files."""
 
 import math
 from pathlib import Path

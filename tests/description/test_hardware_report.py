@@ -1,4 +1,4 @@
-"""What the report says of `<ros2_control>` blocks that are taken as written."""
+"""Lines of the report about `<ros2_control>` blocks that are taken as written."""
 
 from pathlib import Path
 

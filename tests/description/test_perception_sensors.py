@@ -1,4 +1,4 @@
-"""What is wrong with the tags of cameras and lidars, and what is said of it."""
+"""Errors in the tags of cameras and lidars, and their messages."""
 
 from pathlib import Path
 

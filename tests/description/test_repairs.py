@@ -1,4 +1,4 @@
-"""What Drake refuses is mended, and every repair is one line of the report."""
+"""Repairs of descriptions that Drake refuses, each with one line of the report."""
 
 import os
 import struct

@@ -1,4 +1,4 @@
-"""What a base truly does beside what its odometry says."""
+"""True motions of bases beside their odometry."""
 
 import math
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is wired computes what was asked for, in as few systems as it can."""
+"""Expressions as wired systems: the right values, in as few systems as possible."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What a robot's description offers to controllers."""
+"""Interfaces that a robot's description offers to controllers."""
 
 import math
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What a controller asks for and nobody has: one line of the report, the rest runs."""
+"""Interfaces that nobody has: one line of the report, the rest runs."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What a controller manager decides in a cycle, without a diagram around it."""
+"""Decisions of a controller manager in a cycle, without a diagram around it."""
 
 import copy
 import math

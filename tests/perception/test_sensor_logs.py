@@ -1,4 +1,4 @@
-"""What cameras and lidars publish, in rollouts and in their files."""
+"""Messages of cameras and lidars, in rollouts and in their files."""
 
 import io
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What a servo computes with: links that are fixed to each other are one body."""
+"""The plant of a servo, in which links that are fixed to each other are one body."""
 
 import numpy as np
 import pytest

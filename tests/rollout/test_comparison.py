@@ -1,4 +1,4 @@
-"""Where two rollouts differ."""
+"""Differences between two rollouts."""
 
 import dataclasses as dc
 import json

@@ -1,4 +1,4 @@
-"""Where links were, of a rollout: against closed forms and Drake's own kinematics."""
+"""Poses of a rollout's links: against closed forms and Drake's own kinematics."""
 
 import itertools
 

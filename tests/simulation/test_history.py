@@ -1,4 +1,4 @@
-"""What is kept of a simulation without an end."""
+"""The history of a simulation without an end."""
 
 from pathlib import Path
 

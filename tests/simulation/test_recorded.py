@@ -1,4 +1,4 @@
-"""What is recorded besides the joints: commands, goals, messages, poses, provenance."""
+"""Records besides the joints: commands, goals, messages, poses, provenance."""
 
 import hashlib
 import json

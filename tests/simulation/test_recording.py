@@ -1,4 +1,4 @@
-"""What a simulation's logs become: rows at the right times, and what was wanted."""
+"""Rollouts from a simulation's logs: the rows wanted, at the right times."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What a Meshcat server has been told, read from the messages it keeps for browsers."""
+"""Contents of a Meshcat server, from the messages it keeps for browsers."""
 
 import struct
 from collections.abc import Sequence

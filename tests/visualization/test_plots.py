@@ -1,4 +1,4 @@
-"""What plots show: lines that are the rollout's, limits at their values, units."""
+"""Contents of plots: lines that are the rollout's, limits at their values, units."""
 
 import re
 import subprocess

@@ -1,4 +1,4 @@
-"""What a film can't be is said before anything is filmed."""
+"""Films that can't be: refused before anything is filmed."""
 
 import sys
 from argparse import Namespace

@@ -1,4 +1,4 @@
-"""What topics tell, beside the ports that they are read from."""
+"""Messages of topics, beside the ports that they are read from."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""What messages are on the wire, beside rosbags, which is none of ours."""
+"""Serialized messages, beside those of rosbags, which is none of ours."""
 
 import base64
 import dataclasses as dc

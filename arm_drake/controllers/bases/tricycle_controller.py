@@ -22,7 +22,7 @@ from arm_drake.controllers.bases.base import (
 )
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
-from arm_drake.controllers.topics import Inbox
+from arm_drake.controllers.topics import ALWAYS, Inbox
 from arm_drake.description.parameters import (
     check_not_empty,
     check_positive,
@@ -332,6 +332,7 @@ class TricycleController(BaseController[TricycleControllerState]):
     """
 
     pose_topic = ("reset_odometry", ResetOdometry)
+    takes_poses_despite = ALWAYS
 
     def __init__(
         self,
@@ -407,11 +408,7 @@ class TricycleController(BaseController[TricycleControllerState]):
         return take_finite(command)
 
     def _take_pose(
-        self,
-        state: TricycleControllerState,
-        message: ResetOdometry,
-        time_ns: int,
-        obstacle: str,
+        self, state: TricycleControllerState, message: ResetOdometry, time_ns: int
     ) -> tuple[TricycleControllerState, str]:
         return state._replace(pose=PlanarPose()), ""
 

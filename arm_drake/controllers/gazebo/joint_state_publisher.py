@@ -16,7 +16,7 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
-from arm_drake.controllers.cycles import Cycle, last_cycle
+from arm_drake.controllers.cycles import last_cycle
 from arm_drake.controllers.gazebo.plugin import joint_state_topic, ros_topic
 from arm_drake.description.gazebo_plugins import (
     GazeboRosJointStatePublisher as GazeboRosJointStatePublisherTag,
@@ -25,7 +25,6 @@ from arm_drake.description.gazebo_plugins import (
     JointStatePublisher as JointStatePublisherTag,
 )
 from arm_drake.messages import NANOSECONDS, Header, JointState
-from arm_drake.timing import cycle_at
 
 
 class JointStatePublisher(ControllerInterface):
@@ -68,7 +67,6 @@ class JointStatePublisher(ControllerInterface):
         )
         names = interfaces.interface_names(self._joints, interfaces.STATE_INTERFACES)
         super().__init__(params, state_interfaces=names)
-        self.message_types: dict[str, type[JointState]] = {}
         self.DeclareAbstractOutputPort(
             joint_state_topic(tag, params.robot_name, params.world_name),
             lambda: AbstractValue.Make(JointState()),
@@ -128,7 +126,6 @@ class GazeboRosJointStatePublisher(ControllerInterface):
         standard = (interfaces.POSITION, interfaces.VELOCITY)
         names = interfaces.interface_names(self._joints, standard)
         super().__init__(params, state_interfaces=names)
-        self.message_types: dict[str, type[JointState]] = {}
         # Drake takes a plain number quicker than its own kind of index. A time is a
         # whole number, exact up to 2^53 ns, which is 104 days.
         self._time = int(self.DeclareDiscreteState([math.nan]))
@@ -153,13 +150,6 @@ class GazeboRosJointStatePublisher(ControllerInterface):
             return
         state.set_value(self._time, [time_ns])
         state.set_value(self._sample, self._read(context))
-
-    def _time_ns(self, context: Context) -> int:
-        """Return the time of the tick of this instant [ns]."""
-        if self._manager.HasValue(context):
-            cycle: Cycle = self._manager.Eval(context)
-            return cycle.time_ns
-        return self._tick_time(cycle_at(context.get_time(), self.params.period) or 0)
 
     def _calc_joint_states(self, context: Context, output: AbstractValue) -> None:
         time_ns = float(context.get_discrete_state(self._time).value()[0])

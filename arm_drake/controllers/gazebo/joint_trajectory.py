@@ -247,14 +247,9 @@ class JointTrajectoryController(TopicController[GazeboTrajectoryState]):
         )
 
     def _take(
-        self,
-        state: GazeboTrajectoryState,
-        message: JointTrajectory,
-        time_ns: int,
-        obstacle: str,
+        self, state: GazeboTrajectoryState, message: JointTrajectory, time_ns: int
     ) -> tuple[GazeboTrajectoryState, str]:
-        fault = obstacle or self._find_fault(message)
-        if fault:
+        if fault := self._find_fault(message):
             return state, fault
         unknown = [name for name in message.joint_names if name not in self._at]
         if unknown:
@@ -420,14 +415,9 @@ class GazeboRosJointPoseTrajectory(TopicController[PoseTrajectoryState]):
         return (time_ns - state.last_ns + 1) * self._rate < NANOSECONDS
 
     def _take(
-        self,
-        state: PoseTrajectoryState,
-        message: JointTrajectory,
-        time_ns: int,
-        obstacle: str,
+        self, state: PoseTrajectoryState, message: JointTrajectory, time_ns: int
     ) -> tuple[PoseTrajectoryState, str]:
-        fault = obstacle or self._find_fault(message)
-        if fault:
+        if fault := self._find_fault(message):
             return state, fault
         start_ns = max(message.header.stamp.to_nanoseconds(), time_ns)
         replay = Replay(message, 0, start_ns) if message.points else None

@@ -22,9 +22,8 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from arm_drake.arrays import Array, clamp
+from arm_drake.arrays import Array, Indices, Mask, clamp
 from arm_drake.description.gazebo_plugins import (
     AckermannSteering,
     ApplyJointForce,
@@ -44,9 +43,7 @@ from arm_drake.description.gazebo_plugins import (
     WheelDrive,
 )
 from arm_drake.importing import dataclass
-from arm_drake.messages import NANOSECONDS, Message, Twist
-
-Mask = NDArray[np.bool_]
+from arm_drake.messages import NANOSECONDS, Float64, Message, Twist
 
 
 class GazeboPidState(NamedTuple):
@@ -173,9 +170,6 @@ def _limits(high: Sequence[float], low: Sequence[float]) -> tuple[Array, Array]:
         _array(np.where(is_limited, high, math.inf)),
         _array(np.where(is_limited, low, -math.inf)),
     )
-
-
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -361,6 +355,13 @@ def with_node(remappings: Sequence[str], namespace: str, node: str) -> list[str]
         text.replace("~", name, 1) if text[:1] == "~" else text for text in remappings
     ]
     return [rule.replace(":=~", f":={name}", 1) for rule in rules]
+
+
+def find_number_fault(message: Float64) -> str:
+    """Return why a number is dropped; empty if it isn't."""
+    if math.isfinite(message.data):
+        return ""
+    return f"data must be finite, got {message.data}; it is dropped"
 
 
 def find_twist_fault(message: Twist, *, sideways: bool = False) -> str:

@@ -27,7 +27,7 @@ from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.ghost import Ghost
 from arm_drake.visualization.link_drawings import draw_triad
 from arm_drake.visualization.page.parts import Drawn
-from arm_drake.visualization.page.scene import Event, Scene
+from arm_drake.visualization.page.scene import Scene, WidgetEvent
 from arm_drake.visualization.page.widgets import (
     Button,
     Buttons,
@@ -179,7 +179,7 @@ class MotionPlanning:
         self._ghosts: dict[tuple[str, str], Ghost] = {}
         self._plan: Plan | None = None
         self._playing: _Playing | None = None
-        self._waiting: list[Event] = []
+        self._waiting: list[WidgetEvent] = []
         self._status = "choose a goal"
 
     @property
@@ -446,7 +446,7 @@ class MotionPlanning:
         self._scene.patch(self._values())
         return True
 
-    def waiting_events(self) -> list[Event]:
+    def waiting_events(self) -> list[WidgetEvent]:
         """Return what was clicked during a search, once."""
         events, self._waiting = self._waiting, []
         return events

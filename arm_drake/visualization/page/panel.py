@@ -207,6 +207,41 @@ def make_report(report: LoadReport) -> Section:
     return Section(title, (text,) if lines else (), is_open=False)
 
 
+# Choices of how fast time passes.
+_RATES = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0)
+AS_FAST_AS_POSSIBLE = "as fast as it goes"
+_TIMES = " ×"
+
+
+def rate_options(now: float) -> tuple[str, ...]:
+    """Return the texts of rates to choose from, with the present one."""
+    return tuple(map(rate_text, sorted({*_RATES, now} - {0.0})))
+
+
+def rate_text(rate: float) -> str:
+    """Return the text of a rate; 0 is as fast as it goes."""
+    return f"{rate:g}{_TIMES}" if rate else AS_FAST_AS_POSSIBLE
+
+
+def read_rate(text: object) -> float:
+    """Return the rate of a text, or raise InputError."""
+    if text == AS_FAST_AS_POSSIBLE:
+        return 0.0
+    try:
+        return float(str(text).removesuffix(_TIMES))
+    except ValueError:
+        raise InputError(f"real-time rate: expected a number, got {text!r}") from None
+
+
+def read_time(value: Any) -> float:
+    """Return the time [s] that a slider says, or raise InputError."""
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        problem = f"time: expected a number [s], got {value!r}"
+        raise InputError(problem) from None
+
+
 def find_pose(poses: Sequence[GroupState], name: str) -> GroupState:
     """Return the pose of a name, or of `<group>: <name>`."""
     for pose in poses:

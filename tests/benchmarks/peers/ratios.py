@@ -1,4 +1,4 @@
-"""What the results say beside each other: ratios turn by turn, and what a goal asks."""
+"""Ratios of results, turn by turn, and the ratios that goals ask for."""
 
 import math
 import statistics

@@ -1,4 +1,4 @@
-"""What the task's motions are, whoever simulates them: Pinocchio and SciPy.
+"""Reference motions of the task, whoever simulates them: Pinocchio and SciPy.
 
 Two laws::
 

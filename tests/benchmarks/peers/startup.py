@@ -1,4 +1,4 @@
-"""What it takes to get going: time from import to first step, and memory.
+"""Time from import to first step, and memory.
 
 Everything runs in processes of its own. Cold means: without our cache of meshes and
 without compiled Python; the files themselves are in the system's memory, as in any

@@ -1,4 +1,4 @@
-"""What all engines do: joints go to a place and back, with commands held at 100 Hz."""
+"""The task of all engines: joints go there and back, with commands held at 100 Hz."""
 
 import dataclasses as dc
 import math

@@ -1,4 +1,4 @@
-"""What stands for a browser: HTTP, and a websocket that does what it is told."""
+"""Stand-ins for a browser: HTTP, and a websocket that obeys."""
 
 import base64
 import http.client

@@ -1,4 +1,4 @@
-"""What is seen of a simulation is what it is: poses, commands, forces, trails."""
+"""Views of a running simulation: poses, commands, forces, trails."""
 
 from collections.abc import Iterator
 from pathlib import Path

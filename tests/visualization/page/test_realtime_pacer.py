@@ -1,4 +1,4 @@
-"""How far a simulation should be, against closed forms and a clock that is ours."""
+"""Times that a simulation should reach, by closed forms and a clock of the test."""
 
 import math
 

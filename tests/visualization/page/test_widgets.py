@@ -1,4 +1,4 @@
-"""What a panel is made of, as the page's script reads it."""
+"""Widgets of a panel, as the page's script reads them."""
 
 import dataclasses as dc
 import json

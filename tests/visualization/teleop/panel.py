@@ -1,4 +1,4 @@
-"""What the tests of remotes share: to find one, to use it, to run with it."""
+"""Helpers of the tests of remotes: to find one, to use it, to run with it."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What a user does with roslibpy, from first to last; it prints what it saw."""
+"""A user's session with roslibpy, from first to last, printed."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""What zenoh-ros2-sdk sees of a simulation; it prints that.
+"""A simulation as zenoh-ros2-sdk sees it, printed.
 
 It runs in an environment of its own, and has the definitions, so that it needs no net.
 """
