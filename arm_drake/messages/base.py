@@ -116,12 +116,22 @@ def to_message(value: Any, kind: type[T], field: str) -> T:
 
 
 def to_messages(values: Any, kind: type[T], field: str) -> tuple[T, ...]:
-    """Return messages of a kind as a tuple; raise ValueError for anything else."""
+    """Return messages of a kind as a tuple; raise ValueError for anything else.
+
+    One may be a mapping of its fields.
+    """
     messages = _to_tuple(values, field, f"a sequence of {kind.__name__}")
-    if not {kind}.issuperset(map(type, messages)):
-        for index, message in enumerate(messages):
-            check_type(message, kind, f"{field}[{index}]")
-    return messages
+    if {kind}.issuperset(map(type, messages)):
+        return messages
+    found = []
+    for index, message in enumerate(messages):
+        place = f"{field}[{index}]"
+        if isinstance(message, Mapping):
+            found.append(to_message(message, kind, place))
+        else:
+            check_type(message, kind, place)
+            found.append(message)
+    return tuple(found)
 
 
 def _to_tuple(values: Any, field: str, noun: str) -> tuple[Any, ...]:

@@ -15,6 +15,7 @@ from arm_drake.messages.base import (
     take_numbers,
     to_duration,
     to_floats,
+    to_message,
     to_messages,
     to_names,
 )
@@ -102,9 +103,10 @@ class JointTrajectory(Message):
 
     def __post_init__(self) -> None:
         """Take sequences as they come."""
-        check_type(self.header, Header, "header")
+        header = to_message(self.header, Header, "header")
         names = to_names(self.joint_names, "joint_names")
         points = to_messages(self.points, JointTrajectoryPoint, "points")
+        object.__setattr__(self, "header", header)
         object.__setattr__(self, "joint_names", names)
         object.__setattr__(self, "points", points)
 
