@@ -26,11 +26,7 @@ from arm_drake.messages.sensors import ContactsState
 from arm_drake.perception.cameras import R_SENSOR_OPTICAL, Camera
 from arm_drake.perception.images import to_colors, to_points
 from arm_drake.perception.lidar import Lidar
-from arm_drake.visualization.contact_arrows import (
-    ContactArrows,
-    points_and_forces,
-    to_array,
-)
+from arm_drake.visualization.contact_arrows import points_and_forces, to_array
 from arm_drake.visualization.page.parts import Drawn, Part
 from arm_drake.visualization.page.widgets import Section, Toggle
 from arm_drake.visualization.trail import Trail
@@ -241,15 +237,7 @@ class _Forces(Display):
     def __init__(self, live: Drawn, topic: str, path: str) -> None:
         """Create it, with nothing drawn."""
         super().__init__(live, topic, path)
-        simulation = live.simulation
-        poses = simulation.link_poses(self._robot).values()
-        mass = 1.0
-        if live.views.has_physics:
-            model = simulation.plant.GetModelInstanceByName(self._robot)
-            plant, root = simulation.plant, simulation.context
-            mass = plant.CalcTotalMass(plant.GetMyContextFromRoot(root), [model])
-        name = topic.strip("/")
-        self._arrows = ContactArrows.of_robot(live.page.meshcat, name, mass, poses)
+        self._arrows = live.views.make_arrows(self._robot, topic.strip("/"))
 
     def clear(self) -> None:
         """Draw nothing."""

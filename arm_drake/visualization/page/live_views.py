@@ -151,6 +151,16 @@ class LiveViews:
             color=color,
         )
 
+    def make_arrows(self, robot: str, name: str) -> ContactArrows:
+        """Return arrows of forces on a robot, of a name, with nothing drawn."""
+        mass = 1.0
+        if self.has_physics:
+            root = self._simulation.simulator.get_context()
+            context = self._plant.GetMyContextFromRoot(root)
+            mass = self._plant.CalcTotalMass(context, [self._models[robot]])
+        poses = self._simulation.link_poses(robot).values()
+        return ContactArrows.of_robot(self.scene.meshcat, name, mass, poses)
+
     def show(self, what: str, is_shown: bool = True) -> None:
         """Draw something, or don't."""
         if what == "ghost":
@@ -306,14 +316,7 @@ class LiveViews:
             return
         if not self.has_physics:
             raise InputError("contact forces need physics, which this preset has not")
-        context = self._plant.GetMyContextFromRoot(
-            self._simulation.simulator.get_context()
-        )
-        for name, model in self._models.items():
-            mass = self._plant.CalcTotalMass(context, [model])
-            poses = self._simulation.link_poses(name).values()
-            arrows = ContactArrows.of_robot(self.scene.meshcat, name, mass, poses)
-            self._arrows[name] = arrows
+        self._arrows = {name: self.make_arrows(name, name) for name in self._models}
 
     def _contacts(self, robot: str) -> Any:
         prefix = self._simulation.directory.manager(robot).prefix
