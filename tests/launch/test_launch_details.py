@@ -155,7 +155,10 @@ def test_a_function_that_follows_an_end_is_told_how_a_program_ended(
     package: Path,
 ) -> None:
     before = """
+    ends = set()
+
     def follow(event, context):
+        ends.add(event)
         if event.returncode != 0 or not event.process_name.startswith("spawner"):
             return [Shutdown()]
         return spawner("arm_controller", on_exit=lambda event, context: [
