@@ -643,6 +643,14 @@ def test_the_one_file_in_the_packages_config_folder_is_loaded(package):
     assert ad.load_robot(package).controllers.files == (file,)
 
 
+def test_a_file_with_a_manager_comes_before_one_for_all_nodes(package):
+    file = controllers_with(package)
+    more = "/**:\n  ros__parameters:\n    beat:\n      type: some_plugins/Beat\n"
+    write(package / "config" / "plugins.yaml", more)
+
+    assert ad.load_robot(package).controllers.files == (file,)
+
+
 def test_the_one_file_that_is_installed_in_the_config_folder_is_loaded(package):
     name = re.search(r"<name>(.*?)</name>", (package / "package.xml").read_text())
     bringup = "install(DIRECTORY bringup/config DESTINATION share/${PROJECT_NAME})"

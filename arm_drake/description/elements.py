@@ -26,6 +26,13 @@ def parse_float(text: str) -> float | None:
     return float(text) if _NUMBER.fullmatch(text) else None
 
 
+def parse_comma_separated(text: str) -> list[float]:
+    """Return numbers with commas between them; none if something isn't one."""
+    found = [parse_float(word) for word in text.split(",")]
+    numbers = [number for number in found if number is not None]
+    return numbers if len(numbers) == len(found) else []
+
+
 def numbers(
     text: str, file: Path, where: str, part: str = "", expected: str = "numbers"
 ) -> list[float]:
