@@ -299,7 +299,7 @@ class SensorBroadcaster(TickingController[S]):
     def __init_subclass__(cls, **more: Any) -> None:
         """Add the ports to the documentation; what `_make` reads is given to it."""
         cls.__doc__ = _tabulate_ports(cls)
-        cls.reads_by_now = True
+        cls.reads_by_now = cls._update is SensorBroadcaster._update
         super().__init_subclass__(**more)
 
     def __init__(

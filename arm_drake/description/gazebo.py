@@ -321,11 +321,16 @@ def _report_friction(root: ET.Element, report: LoadReport, file: Path) -> None:
 
 def _report_weight(root: ET.Element, report: LoadReport, file: Path) -> None:
     """Report links on which gravity doesn't act in Gazebo."""
+    links = [attribute(link, "name") for link in root.iterfind("link")]
     for gazebo in root.iterfind("gazebo"):
-        where = f"link {attribute(gazebo, 'reference')!r}"
+        reference = attribute(gazebo, "reference")
+        where = f"link {reference!r}"
         said = {e.tag: _value(e) for e in gazebo if e.tag in _WEIGHT}
         for tag, text in said.items():
-            if (text.lower() in ("true", "yes", "1")) != _WEIGHT[tag]:
+            if reference not in links:
+                what, done = f"<{tag}> of no link", "it has no effect"
+                report.add("info", "ignored", what, done, file=file)
+            elif (text.lower() in ("true", "yes", "1")) != _WEIGHT[tag]:
                 what, done = f"<{tag}> is {text!r}", "it has its weight here"
                 report.add("warning", "unsupported", what, done, where=where, file=file)
 

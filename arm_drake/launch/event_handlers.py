@@ -1,13 +1,16 @@
 """Event handlers of `launch`: actions that follow the start or end of others."""
 
-import types
 from typing import Any
 
 from arm_drake.launch.substitutions import LaunchContext, perform
 
 
-class Event(types.SimpleNamespace):
+class Event:
     """What happened to a process, as functions are told it; or what is emitted."""
+
+    def __init__(self, **fields: Any) -> None:
+        """Take what describes it."""
+        vars(self).update(fields)
 
 
 class EventHandler:

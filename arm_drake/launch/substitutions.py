@@ -49,12 +49,6 @@ class PackageNotFoundError(LookupError, LaunchError):
     """A package that isn't found; the name is that of `ament_index_python`."""
 
 
-class Expanded(str):
-    """The text of a description, as launch files get it; it knows its key."""
-
-    key: str
-
-
 class LaunchContext:
     """What substitutions are evaluated in: configurations, environment, files."""
 
@@ -74,7 +68,7 @@ class LaunchContext:
         self.files: list[str] = []
         self.descriptions: list[dict[str, Any]] = []
         # Texts of those that were asked for by keys, and what can't be read of them.
-        self.expansions: dict[str, Expanded] = {}
+        self.expansions: dict[str, str] = {}
         self.problems: dict[str, str] = {}
         self.parameters: list[Any] = []
         # What nodes that were started are given by name, by their names.
@@ -97,8 +91,7 @@ class LaunchContext:
             return key
         if key not in self.expansions:
             made = self.descriptions[number]
-            text = Expanded(self._expand(made["file"], made["arguments"]))
-            self.expansions[key], text.key = text, key
+            self.expansions[key] = self._expand(made["file"], made["arguments"])
         return self.expansions[key]
 
     def whole(self, value: Any) -> Any:
@@ -127,8 +120,6 @@ class LaunchContext:
 
     def key_of(self, text: str) -> str:
         """Return what is passed on for a text: the key of a description."""
-        if isinstance(text, Expanded):
-            return text.key
         for key, known in self.expansions.items():
             if known == text:
                 return key

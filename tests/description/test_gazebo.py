@@ -254,6 +254,12 @@ def test_links_that_are_weightless_in_gazebo_are_told(tag, is_told):
     ] * is_told
 
 
+def test_a_weight_of_no_link_is_a_tag_without_effect():
+    assert lines_of('<link name="a"/><gazebo><gravity>0</gravity></gazebo>') == [
+        "info: arm.urdf: <gravity> of no link; it has no effect"
+    ]
+
+
 def test_friction_as_sdf_has_it_is_no_tag_without_effect() -> None:
     body = """<link name="a"/><gazebo reference="a"><collision><surface><friction>
       <ode><mu>0.3</mu></ode></friction></surface></collision><kp>1</kp></gazebo>"""

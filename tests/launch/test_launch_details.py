@@ -155,7 +155,10 @@ def test_a_function_that_follows_an_end_is_told_how_a_program_ended(
     package: Path,
 ) -> None:
     before = """
+    ends = set()
+
     def follow(event, context):
+        ends.add(event)
         if event.returncode != 0 or not event.process_name.startswith("spawner"):
             return [Shutdown()]
         return spawner("arm_controller", on_exit=lambda event, context: [
@@ -407,6 +410,22 @@ def test_a_description_may_be_spawned_from_a_file_that_has_it(package: Path) -> 
     (robot,) = ad.load_launch(path).robots
 
     assert robot.source == package / "urdf" / "pendulum.urdf.xacro"
+
+
+def test_a_description_is_written_to_yaml_as_any_text(package: Path) -> None:
+    before = """
+    import yaml
+
+    def start(context):
+        text = Command(XACRO).perform(context)
+        is_same = yaml.safe_load(yaml.safe_dump([text])) == [text]
+        return [publisher([*XACRO, " prefix:=", "same_" if is_same else "other_"])]
+    """
+    path = describe(package, "OpaqueFunction(function=start),", before)
+
+    (robot,) = ad.load_launch(path).load_scene().robots
+
+    assert robot.description.movable_joints[0].name == "same_swing"
 
 
 def test_a_description_that_is_only_passed_on_is_not_expanded(package: Path) -> None:

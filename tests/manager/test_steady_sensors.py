@@ -12,6 +12,8 @@ from pydrake.systems.analysis import Simulator
 
 import arm_drake as ad
 from arm_drake.controllers import CONTROLLER_TYPES
+from arm_drake.controllers.cycles import UpdateContext
+from arm_drake.controllers.sensor_broadcasters import RangeSensorBroadcaster
 from arm_drake.controllers.topics import SensorBroadcaster
 from arm_drake.manager.controller_manager import SWITCH_PORT
 from arm_drake.manager.lifecycle import TickKeeper
@@ -23,6 +25,7 @@ from arm_drake.messages import (
     SwitchController,
 )
 from arm_drake.messages.control import DynamicInterfaceGroupValues
+from arm_drake.messages.sensors import Range
 from tests import models
 from tests.controllers.driving import NAME, make_params
 from tests.controllers.parameters import (
@@ -62,9 +65,11 @@ def count(monkeypatch: pytest.MonkeyPatch) -> Count:
     return counted
 
 
-def manage(type_: str, values: Mapping[str, Any] | None = None) -> Managed:
+def manage(
+    type_: str, values: Mapping[str, Any] | None = None, system: Any = None
+) -> Managed:
     """Return a broadcaster with its manager; of a joint, and of what it reads."""
-    make, parameters = CONTROLLER_TYPES[type_].system, load(type_, values)
+    make, parameters = system or CONTROLLER_TYPES[type_].system, load(type_, values)
     assert make is not None
     params = dc.replace(make_params(("a",)), is_managed=True)
     names = make(parameters, params).state_interfaces
@@ -133,6 +138,23 @@ def test_all_types_of_sensors_are_among_them() -> None:
     assert types >= {IMU, WRENCH, RANGE, POSE, GPS, MAGNETOMETER, BATTERY, STATES}
     for name in types:
         assert vars(CONTROLLER_TYPES[name].system)["reads_by_now"], name
+
+
+class _Counter(RangeSensorBroadcaster):
+    """Reads the Context in each of its ticks."""
+
+    def _update(self, now: UpdateContext, state: Range) -> Range:
+        assert now.context is not None
+        return dc.replace(super()._update(now, state), max_range=state.max_range + 1.0)
+
+
+def test_one_with_an_update_of_its_own_does_it_in_every_cycle() -> None:
+    managed = manage(RANGE, MINIMAL[RANGE], _Counter)
+
+    play(managed, np.ones((30, len(managed.system.params.measured))))
+
+    shown = managed.system.GetOutputPort("range").Eval(managed.context)
+    assert shown.max_range == 30.0
 
 
 SENSORS = "".join(
