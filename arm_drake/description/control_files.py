@@ -11,7 +11,7 @@ from arm_drake.description.controllers import (
     ControllerConfig,
     ControllerManagerConfig,
 )
-from arm_drake.description.entry import Source, configs_folder, text_of
+from arm_drake.description.entry import Source, configs_folder, listed, text_of
 from arm_drake.description.packages import PackageFinder, package_name
 from arm_drake.description.parameters import Parameter
 from arm_drake.description.plugin_control import (
@@ -52,8 +52,7 @@ def find_control_files(
 ) -> list[Path] | None:
     """Return the controllers YAML files of a robot, None if nothing hints at any."""
     if sources is not None:
-        files = [sources] if isinstance(sources, str | os.PathLike) else list(sources)
-        return [Path(file) for file in files]
+        return listed(sources)
     named = [
         text
         for plugin in description.gazebo_plugins

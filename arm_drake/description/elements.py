@@ -26,6 +26,13 @@ def parse_float(text: str) -> float | None:
     return float(text) if _NUMBER.fullmatch(text) else None
 
 
+def parse_comma_separated(text: str) -> list[float]:
+    """Return numbers with commas between them; none if something isn't one."""
+    found = [parse_float(word) for word in text.split(",")]
+    numbers = [number for number in found if number is not None]
+    return numbers if len(numbers) == len(found) else []
+
+
 def numbers(
     text: str, file: Path, where: str, part: str = "", expected: str = "numbers"
 ) -> list[float]:
@@ -45,28 +52,37 @@ def numbers(
 
 
 # Elements are nested so deep at most; the functions that read them are recursive.
-_MAX_DEPTH = 200
+MAX_DEPTH = 200
 
 # So much of a line is shown.
 _MAX_SHOWN = 80
 
 _BOOLS = {"true": True, "false": False}
 
-# A prefix of a tag or attribute, one that is declared, and where the root's name ends.
-_PREFIX = re.compile(r"[<\s]/?([A-Za-z_][\w.-]*):[\w.-]+(?=[\s=/>])")
-_DECLARED = re.compile(r"\sxmlns:([\w.-]+)\s*=")
-_ROOT = re.compile(r"(\s|<\?.*?\?>|<!--.*?-->)*<[\w.:-]+", re.DOTALL)
-
 
 def declare_prefixes(text: str) -> str:
     """Return an XML text with all its prefixes declared; urdfdom asks for none."""
-    declared = {"xml", "xmlns", *_DECLARED.findall(text)}
-    lacking = dict.fromkeys(p for p in _PREFIX.findall(text) if p not in declared)
-    root = _ROOT.match(text)
-    if root is None or not lacking:
+    data = text.encode(errors="replace")
+    # Prefixes that tags and attributes have, those that the root declares, and where
+    # its name ends.
+    used: dict[str, None] = {}
+    declared, ends = {"", "xml", "xmlns"}, list[int]()
+    parser = expat.ParserCreate("utf-8")
+
+    def start(tag: str, attributes: Mapping[str, str]) -> None:
+        names = [name.partition(":") for name in (tag, *attributes)]
+        used.update((prefix, None) for prefix, colon, _ in names if colon)
+        if not ends:
+            ends.append(parser.CurrentByteIndex + len(f"<{tag}".encode()))
+            declared.update(name for prefix, _, name in names if prefix == "xmlns")
+
+    parser.StartElementHandler = start
+    with contextlib.suppress(expat.ExpatError):
+        parser.Parse(data, True)
+    lacking = "".join(f' xmlns:{p}="{p}"' for p in used if p not in declared)
+    if not lacking:
         return text
-    names = "".join(f' xmlns:{prefix}="{prefix}"' for prefix in lacking)
-    return text[: root.end()] + names + text[root.end() :]
+    return f"{data[: ends[0]].decode()}{lacking}{data[ends[0] :].decode()}"
 
 
 def parse_xml(text: str, file: Path) -> ET.Element:
@@ -82,8 +98,8 @@ def parse_xml(text: str, file: Path) -> ET.Element:
     depth, level = 0, [root]
     while level:
         depth, level = depth + 1, [child for element in level for child in element]
-        if depth > _MAX_DEPTH:
-            problem = f"elements are nested more than {_MAX_DEPTH} deep"
+        if depth > MAX_DEPTH:
+            problem = f"elements are nested more than {MAX_DEPTH} deep"
             raise DescriptionError(f"{problem}; no URDF needs that", file=file)
     return root
 
@@ -138,9 +154,36 @@ def parse_number(text: str) -> float | None:
     return None if number is None or math.isnan(number) else number
 
 
+def parse_floats(text: str) -> tuple[float, ...] | None:
+    """Return the finite numbers that a text consists of, or None."""
+    found = [parse_float(word) for word in text.split()]
+    known = tuple(x for x in found if x is not None and math.isfinite(x))
+    return known if len(known) == len(found) else None
+
+
 def parse_bool(text: str) -> bool | None:
     """Return the bool that a text is, in any letter case, or None."""
     return _BOOLS.get(text.lower())
+
+
+def parse_sdf_bool(text: str) -> bool | None:
+    """Return the bool that a text is to SDF, or None."""
+    text = text.strip()
+    return parse_bool({"1": "true", "0": "false"}.get(text, text))
+
+
+def parse_sdf_pose(pose: ET.Element) -> tuple[float, ...] | None:
+    """Return the numbers of a `<pose>` of SDF, None if they are none.
+
+    They are x, y, z [m] and roll, pitch, yaw [rad], or a quaternion x, y, z, w.
+    """
+    found = parse_floats(pose.text or "")
+    is_quaternion = attribute(pose, "rotation_format") == "quat_xyzw"
+    if found is None or len(found) != 6 + is_quaternion:
+        return None
+    if is_quaternion or not parse_sdf_bool(attribute(pose, "degrees")):
+        return found
+    return (*found[:3], *map(math.radians, found[3:]))
 
 
 def attribute(element: ET.Element, name: str) -> str:

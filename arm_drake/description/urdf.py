@@ -44,7 +44,7 @@ from arm_drake.description.joints import (
     report_degrees,
     write_joint,
 )
-from arm_drake.description.links import LinkInfo, Origin, read_links, write_link
+from arm_drake.description.links import SIZES, LinkInfo, Origin, read_links, write_link
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport, Severity
 from arm_drake.description.ros2_control import (
@@ -309,10 +309,7 @@ _READ: Mapping[str, tuple[str, ...]] = {
             "": ("name",),
             "/origin": ("xyz", "rpy"),
             "/geometry": (),
-            "/geometry/box": ("size",),
-            "/geometry/sphere": ("radius",),
-            "/geometry/cylinder": ("radius", "length"),
-            "/geometry/capsule": ("radius", "length"),
+            **{f"/geometry/{kind}": tuple(sizes) for kind, sizes in SIZES.items()},
             "/geometry/mesh": ("filename", "scale"),
         }.items()
     },

@@ -125,7 +125,7 @@ class DeclareLaunchArgument(Action):
                     f"argument {self.name!r} has no default; give it as "
                     f"{self.name}:={'|'.join(self.choices or ['VALUE'])}"
                 )
-            configurations[self.name] = text
+            configurations[self.name] = run.context.whole(text)
         value, choices = configurations[self.name], self.choices or []
         if choices and value not in (choices[0] if self.is_text else choices):
             text = f"argument {self.name}:={value}: expected one of "
@@ -149,7 +149,8 @@ class SetLaunchConfiguration(Action):
 
     def act(self, run: "LaunchRun") -> None:
         name = perform(run.context, self.name)
-        run.context.launch_configurations[name] = perform(run.context, self.value)
+        value = run.context.whole(perform(run.context, self.value))
+        run.context.launch_configurations[name] = value
 
 
 class UnsetLaunchConfiguration(Action):
@@ -208,7 +209,7 @@ class GroupAction(Action):
     def act(self, run: "LaunchRun") -> None:
         context = run.context
         values = {
-            perform(context, name): perform(context, value)
+            perform(context, name): context.whole(perform(context, value))
             for name, value in self.launch_configurations.items()
         }
         scope, environment = context.copy_scope(), dict(os.environ)
@@ -375,7 +376,7 @@ class IncludeLaunchDescription(Action):
 
     def act(self, run: "LaunchRun") -> None:
         values = {
-            perform(run.context, name): perform(run.context, value)
+            perform(run.context, name): run.context.whole(perform(run.context, value))
             for name, value in self.launch_arguments
         }
         if isinstance(self.source, LaunchDescription):

@@ -1,29 +1,24 @@
 """Event handlers of `launch`: actions that follow the start or end of others."""
 
+import types
 from typing import Any
 
 from arm_drake.launch.substitutions import LaunchContext, perform
 
 
-class Event:
-    """An event, of which only its kind matters."""
-
-    def __init__(self, **fields: Any) -> None:
-        """Take what describes it."""
-        vars(self).update(fields)
+class Event(types.SimpleNamespace):
+    """What happened to a process, as functions are told it; or what is emitted."""
 
 
 class EventHandler:
     """What follows an event of an action."""
 
-    # Actions whose event it is: of all, if there is none.
-    target: Any = None
-    entities: Any = ()
-    kind = ""
+    # Which event, and the argument that says what follows.
+    kind = argument = ""
 
-    def __init__(self, **kwargs: Any) -> None:
-        """Take what describes it."""
-        self.kwargs = kwargs
+    def __init__(self, *, target_action: Any = None, **kwargs: Any) -> None:
+        """Take the action, or actions, whose event it is; of all, if there is none."""
+        self.target, self.entities = target_action, kwargs.get(self.argument, ())
 
     def matches(self, action: Any) -> bool:
         """Return whether it is the event of this action."""
@@ -37,33 +32,15 @@ class EventHandler:
 
 
 class OnProcessExit(EventHandler):
-    kind = "exit"
-
-    def __init__(
-        self, *, target_action: Any = None, on_exit: Any = (), **kwargs: Any
-    ) -> None:
-        super().__init__(**kwargs)
-        self.target, self.entities = target_action, on_exit
+    kind, argument = "exit", "on_exit"
 
 
 class OnProcessStart(EventHandler):
-    kind = "start"
-
-    def __init__(
-        self, *, target_action: Any = None, on_start: Any = (), **kwargs: Any
-    ) -> None:
-        super().__init__(**kwargs)
-        self.target, self.entities = target_action, on_start
+    kind, argument = "start", "on_start"
 
 
 class OnExecutionComplete(EventHandler):
-    kind = "complete"
-
-    def __init__(
-        self, *, target_action: Any = None, on_completion: Any = (), **kwargs: Any
-    ) -> None:
-        super().__init__(**kwargs)
-        self.target, self.entities = target_action, on_completion
+    kind, argument = "complete", "on_completion"
 
 
 class OnShutdown(EventHandler):

@@ -21,7 +21,6 @@ import importlib.machinery
 import io
 import json
 import os
-import re
 import resource
 import sys
 import tempfile
@@ -30,7 +29,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 from xml.dom import minidom
-from xml.etree import ElementTree
 
 import yaml
 
@@ -52,8 +50,6 @@ from arm_drake.launch.substitutions import (
 # Modules that have actions, substitutions and conditions, also those of which there
 # are none here: what isn't known is noted when it comes to pass.
 _LAUNCH = ("launch", "launch_ros", "launch_xml", "launch_yaml", "launch_testing")
-
-Context = substitutions.LaunchContext
 
 
 def _public(module: types.ModuleType) -> dict[str, Any]:
@@ -132,9 +128,11 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     ).generate_launch_description(),
     "normalize_to_list_of_substitutions": _normalize,
     "normalize_parameters": _normalize,
-    "perform_substitutions": perform,
-    "perform_typed_substitution": lambda context, value, kind: kind(
+    "perform_substitutions": lambda context, value: context.whole(
         perform(context, value)
+    ),
+    "perform_typed_substitution": lambda context, value, kind: kind(
+        context.whole(perform(context, value))
     ),
     "evaluate_parameters": lambda context, values: tuple(
         parameters.read_parameters(context, each) for each in values
@@ -151,51 +149,46 @@ class _Quiet:
         return lambda *args, **kwargs: None
 
 
-class _Document:
-    """What takes the place of xacro's XML document: it is made when it is needed."""
+class _Document(minidom.Document):
+    """An XML document of xacro's, whose text is the description's until it changes."""
 
-    def __init__(self, file: str, arguments: Mapping[str, str] | None = None) -> None:
-        self.file, self.arguments = file, dict(arguments or {})
-        self._made: minidom.Document | None = None
-        self._as_it_was = ""
+    def __init__(self, file: Any) -> None:
+        super().__init__()
+        self.file, self._text, self._as_it_was = os.fspath(file), "", ""
 
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):
-            raise AttributeError(name)
-        if self._made is None:
-            self._made = minidom.parseString(  # noqa: S318  expat fetches nothing.
-                current().expand(self.file, self._texts())
-            )
-            self._as_it_was = self._made.toxml()
-        return getattr(self._made, name)
+    def expand(self, mappings: Mapping[str, Any] | None) -> None:
+        """Become what the file is with arguments, or raise LaunchError."""
+        texts = {name: str(value) for name, value in (mappings or {}).items()}
+        context = current()
+        self._text = context.expanded(context.describe(self.file, texts))
+        self.childNodes[:] = []
+        made = minidom.parseString(self._text)  # noqa: S318  expat fetches nothing.
+        for node in list(made.childNodes):
+            self.appendChild(node)
+        self._as_it_was = super().toprettyxml("", "")
 
-    @property  # type: ignore[misc]
-    def __class__(self) -> type:
-        """What launch files ask of it with isinstance."""
-        return minidom.Document
+    def toprettyxml(self, *args: Any, **kwargs: Any) -> str:  # type: ignore[override]
+        text = super().toprettyxml("", "")
+        return self._text if text == self._as_it_was else text
 
-    def _texts(self) -> dict[str, str]:
-        return {name: str(value) for name, value in self.arguments.items()}
-
-    def toxml(self, *args: Any, **kwargs: Any) -> str:
-        text = "" if self._made is None else self._made.toxml()
-        # What the launch file changed is its own.
-        is_changed = text != self._as_it_was
-        return text if is_changed else current().describe(self.file, self._texts())
-
-    toprettyxml = toxml
+    toxml = toprettyxml  # type: ignore[assignment]
 
 
 def _process_file(input_file_name: Any, *args: Any, **kwargs: Any) -> _Document:
-    return _Document(os.fspath(input_file_name), kwargs.get("mappings"))
+    document = _Document(input_file_name)
+    document.expand(kwargs.get("mappings"))
+    return document
 
 
 def _parse_xacro(source: Any, filename: Any = None) -> _Document:
-    return _Document(filename or getattr(source, "name", ""))
+    document = _Document(filename or getattr(source, "name", ""))
+    with contextlib.suppress(LaunchError):  # It may need arguments of process_doc.
+        document.expand(None)
+    return document
 
 
 def _process_document(document: _Document, *args: Any, **kwargs: Any) -> None:
-    document.arguments |= dict(kwargs.get("mappings") or {})
+    document.expand(kwargs.get("mappings"))
 
 
 class ParameterBuilder:
@@ -443,28 +436,13 @@ class _Finder:
         pass
 
 
-# What looks into a text in a way that asks nothing of the text.
-_LOOKING: Mapping[types.ModuleType, Sequence[str]] = {
-    ElementTree: ("XML", "fromstring"),
-    minidom: ("parseString",),
-    re: ("findall", "finditer", "fullmatch", "match", "search", "split", "sub", "subn"),
-}
-
-
-def install(context: Context, find_sources: Callable[[str], str | None]) -> None:
+def install(context: LaunchContext, find_sources: Callable[[str], str | None]) -> None:
     """Let launch files import what they know, in a context.
 
     `find_sources` returns the source folder of a package, None if there is none.
     """
     substitutions.enter(context)
     sys.modules.update(_make_modules())
-    for module, names in _LOOKING.items():
-        for name in names:
-            vars(module)[name] = substitutions.expanding(getattr(module, name))
-    compile_pattern = substitutions.expanding(re.compile)
-    vars(re)["compile"] = lambda *args, **kwargs: substitutions.Pattern(
-        compile_pattern(*args, **kwargs)
-    )
     finder = _Finder(find_sources)
     # Before others for the modules of launch, after them for packages' own.
     sys.meta_path.insert(0, finder)
@@ -664,6 +642,7 @@ def main() -> None:
         asked=sorted(context.asked),
         records=run.records,
         descriptions=context.descriptions,
+        expansions=context.expansions,
         rewritten=context.rewritten,
         environment=dict(os.environ),
         opened=watch.opened[:10_000],
@@ -756,6 +735,8 @@ def _launch(run: LaunchRun, request: Mapping[str, Any]) -> dict[str, Any] | None
         text = f"{type(error).__name__}: {str(error)[:500]}"
         if isinstance(error, _RefusedError):
             text = str(error)
+        for problem in run.context.problems.values():  # They may be why.
+            text += f"; a description can't be read: {problem}"
         ends = isinstance(error, SystemExit)
         return {"kind": "python", "text": text, "ends": ends, **_place(error, run)}
     return None

@@ -17,7 +17,6 @@ from arm_drake.launch.substitutions import (
     LaunchConfiguration,
     LaunchContext,
     Substitution,
-    current,
     describe,
     find_package,
     is_substitution,
@@ -26,6 +25,12 @@ from arm_drake.launch.substitutions import (
 
 # Where the controllers that a planner talks to are named.
 _MANAGER = "moveit_simple_controller_manager"
+
+# What a builder finds by itself if it isn't said, by its methods.
+_PARTS = (
+    *("robot_description", "robot_description_semantic", "joint_limits"),
+    *("robot_description_kinematics", "trajectory_execution"),
+)
 
 _CAPABILITIES = ("capabilities", "disable_capabilities")
 
@@ -53,7 +58,7 @@ class SRDF(types.SimpleNamespace):
     @classmethod
     def from_xml_string(cls, text: str) -> "SRDF":
         """Return what a semantic description says."""
-        return cls._of(ET.fromstring(current().expanded(text)))  # noqa: S314  no entities.
+        return cls._of(ET.fromstring(text))  # noqa: S314  no entities.
 
     @classmethod
     def _of(cls, element: ET.Element) -> "SRDF":
@@ -79,9 +84,12 @@ class Xacro(Substitution):
         super().__init__(file_path)
         self.mappings = dict(mappings or {})
 
-    def perform(self, context: LaunchContext) -> str:
-        mappings = {perform(context, name): v for name, v in self.mappings.items()}
-        return describe(Path(perform(context, self.args[0])), mappings)
+    def text_of(self, context: LaunchContext) -> str:
+        texts = {
+            perform(context, name): perform(context, value)
+            for name, value in self.mappings.items()
+        }
+        return context.describe(perform(context, self.args[0]), texts)
 
 
 def _describe(path: Path, mappings: Mapping[Any, Any] | None) -> Any:
@@ -196,16 +204,9 @@ class MoveItConfigsBuilder:
 
     def to_moveit_configs(self) -> MoveItConfigs:
         """Return what was described."""
-        if "robot_description" not in self._values:
-            self.robot_description()
-        if "robot_description_semantic" not in self._values:
-            self.robot_description_semantic()
-        if "joint_limits" not in self._values:
-            self.joint_limits()
-        if "robot_description_kinematics" not in self._values:
-            self.robot_description_kinematics()
-        if "trajectory_execution" not in self._values:
-            self.trajectory_execution()
+        for name in _PARTS:
+            if name not in self._values:
+                getattr(self, name)()
         return MoveItConfigs(self._package, self._values)
 
     def to_dict(self, include_moveit_configs: bool = True) -> dict[str, Any]:

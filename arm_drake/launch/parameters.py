@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 
 from arm_drake.launch.substitutions import (
-    Described,
+    KEY,
     LaunchContext,
     Substitution,
     SubstitutionFailure,
@@ -49,7 +49,7 @@ def save_parameters(
 ) -> str:
     """Return the name of a new file with the rewritten text of another one."""
     with tempfile.NamedTemporaryFile("w", suffix=".yaml", delete=False) as file:
-        file.write(text)
+        file.write(context.filled(text))
     # One that was rewritten before is so again.
     first, had_its_lines = context.rewritten.get(source, (source, True))
     context.rewritten[file.name] = (first, has_its_lines and had_its_lines)
@@ -58,7 +58,7 @@ def save_parameters(
 
 def read_value(text: str) -> Any:
     """Return a value of a parameter as a command line or an XML file has it."""
-    if isinstance(text, Described):  # Not to be expanded for this.
+    if KEY.fullmatch(text):
         return text
     try:
         found = yaml.safe_load(text)
@@ -83,7 +83,7 @@ class RewrittenYaml(Substitution):
         self.param_rewrites, self.root_key = dict(param_rewrites), root_key
         self.convert_types, self.key_rewrites = convert_types, dict(key_rewrites or {})
 
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         values = {
             name: yaml.safe_load(text) if self.convert_types else text
             for name, value in self.param_rewrites.items()
@@ -119,7 +119,7 @@ class ReplaceString(Substitution):
         super().__init__(source_file)
         self.replacements, self.condition = replacements, condition
 
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         path = perform(context, self.args[0])
         if self.condition is not None and not self.condition.evaluate(context):
             return path
@@ -136,7 +136,7 @@ class HasNodeParams(Substitution):
         super().__init__(source_file)
         self.node_name = node_name
 
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         data = read_parameter_file(perform(context, self.args[0]))
         return str(isinstance(data, Mapping) and self.node_name in data)
 
@@ -144,7 +144,7 @@ class HasNodeParams(Substitution):
 class LaunchConfigAsBool(Substitution):
     """A configuration as "True" or "False", of `nav2_common.launch`."""
 
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         name = perform(context, self.args[0])
         text = context.launch_configurations.get(name, "")
         return str(text.strip().lower() in ("true", "1", "yes", "on", "t", "y"))
@@ -165,7 +165,8 @@ class ParseMultiRobotPose(Substitution):
         )
 
     def perform(self, context: LaunchContext) -> Any:
-        return _poses_of(perform(context, self.args[0]))
+        text = self.args[0]
+        return _poses_of(text if isinstance(text, str) else perform(context, text))
 
 
 _AXES = ("x", "y", "z", "roll", "pitch", "yaw")
@@ -272,4 +273,6 @@ def _evaluate(context: LaunchContext, value: Any, *, is_text: bool = False) -> A
         value = sorted(value, key=str)
     if isinstance(value, list | tuple):
         return [_evaluate(context, each) for each in value]
+    if isinstance(value, str):
+        return context.key_of(value)
     return str(value) if isinstance(value, Path) else value

@@ -5,7 +5,6 @@ They have the names and the arguments of `launch.substitutions`,
 their documentation. They are used in the process that reads launch files alone.
 """
 
-import functools
 import os
 import re
 import shlex
@@ -17,7 +16,8 @@ from typing import Any
 
 from arm_drake.errors import suggest
 
-# What takes the place of an expanded description, by its number.
+# What is passed on in place of a description's text, by its number: most are never
+# looked into, and to expand one takes a process of its own.
 KEY = re.compile(r'<robot key="([0-9]{1,9})" by="arm_drake"/>')
 
 
@@ -49,49 +49,10 @@ class PackageNotFoundError(LookupError, LaunchError):
     """A package that isn't found; the name is that of `ament_index_python`."""
 
 
-class Described(str):
-    """What takes the place of an expanded description, until it is looked into."""
+class Expanded(str):
+    """The text of a description, as launch files get it; it knows its key."""
 
-    __slots__ = ()
-
-    def __bool__(self) -> bool:
-        """Return that there is a text, for which it needn't be expanded."""
-        return True
-
-    def __str__(self) -> str:
-        """Return what still takes the place of the description."""
-        return self
-
-    def __format__(self, spec: str) -> str:
-        return format(current().expanded(self), spec)
-
-    def __radd__(self, other: str) -> str:
-        return other + current().expanded(self)
-
-    def __rmod__(self, other: str) -> str:
-        return other % current().expanded(self)
-
-
-def _look_into(name: str) -> Callable[..., Any]:
-    """Return a method of texts that has that of the expanded description."""
-
-    def method(described: str, *args: Any, **kwargs: Any) -> Any:
-        whole = current().expanded(described)
-        found = getattr(whole, name)(*args, **kwargs)
-        return described if found == whole else found
-
-    return method
-
-
-# What only passes a text on isn't among them: that wouldn't need it expanded.
-_LOOKS = (
-    "__add__ __contains__ __getitem__ __iter__ __len__ __mod__ capitalize casefold "
-    "count encode endswith expandtabs find format format_map index lower lstrip "
-    "partition removeprefix removesuffix replace rfind rindex rpartition rsplit rstrip "
-    "split splitlines startswith strip swapcase title translate upper"
-)
-for _name in _LOOKS.split():
-    setattr(Described, _name, _look_into(_name))
+    key: str
 
 
 class LaunchContext:
@@ -103,7 +64,7 @@ class LaunchContext:
         expand: Callable[[str, Mapping[str, str]], str],
     ) -> None:
         """Create it, with what finds a package's share folder, and expands xacro."""
-        self.expand = expand
+        self._expand = expand
         self.find_package = find_package
         self.launch_configurations: dict[str, str] = {}
         # Names of configurations that something asked for.
@@ -112,8 +73,9 @@ class LaunchContext:
         # Launch files that are being read, and xacro descriptions that were asked for.
         self.files: list[str] = []
         self.descriptions: list[dict[str, Any]] = []
-        # Texts of those that were looked into, by their numbers.
-        self.expansions: dict[int, str] = {}
+        # Texts of those that were asked for by keys, and what can't be read of them.
+        self.expansions: dict[str, Expanded] = {}
+        self.problems: dict[str, str] = {}
         self.parameters: list[Any] = []
         # What nodes that were started are given by name, by their names.
         self.started: dict[str, dict[str, Any]] = {}
@@ -128,10 +90,30 @@ class LaunchContext:
         """The environment of what is started."""
         return os.environ
 
-    def expanded(self, text: str) -> str:
-        """Return a text, or that of the description which it takes the place of."""
-        match = KEY.fullmatch(text)
-        return text if match is None else self._expanded_of(match)
+    def expanded(self, key: str) -> str:
+        """Return the text of a description, or raise LaunchError."""
+        number = int(KEY.findall(key)[0])
+        if number >= len(self.descriptions):  # Written by the launch file itself.
+            return key
+        if key not in self.expansions:
+            made = self.descriptions[number]
+            text = Expanded(self._expand(made["file"], made["arguments"]))
+            self.expansions[key], text.key = text, key
+        return self.expansions[key]
+
+    def whole(self, value: Any) -> Any:
+        """Return a value as launch files' own code gets it: with texts for keys.
+
+        What can't be expanded stays a key: what is wrong with it is told with the robot
+        that has it, and with what fails for it before.
+        """
+        if isinstance(value, str) and KEY.fullmatch(value):
+            try:
+                return self.expanded(value)
+            except LaunchError as error:
+                self.problems[value] = str(error)
+                return value
+        return self.filled(value)
 
     def filled(self, value: Any) -> Any:
         """Return a value whose texts have descriptions among others, expanded."""
@@ -139,20 +121,18 @@ class LaunchContext:
             return {key: self.filled(each) for key, each in value.items()}
         if isinstance(value, list | tuple):
             return [self.filled(each) for each in value]
-        # Described's own strip would expand it.
-        if not isinstance(value, str) or KEY.fullmatch(str.strip(value)):
+        if not isinstance(value, str) or KEY.fullmatch(value.strip()):
             return value
-        return KEY.sub(self._expanded_of, value)
+        return KEY.sub(lambda match: self.expanded(match[0]), value)
 
-    def _expanded_of(self, match: re.Match[str]) -> str:
-        number = int(match[1])
-        if number >= len(self.descriptions):  # Written by the launch file itself.
-            return match[0]
-        if number not in self.expansions:
-            made = self.descriptions[number]
-            found = self.expand(made["file"], made["arguments"])
-            self.expansions[number] = found
-        return self.expansions[number]
+    def key_of(self, text: str) -> str:
+        """Return what is passed on for a text: the key of a description."""
+        if isinstance(text, Expanded):
+            return text.key
+        for key, known in self.expansions.items():
+            if known == text:
+                return key
+        return text
 
     def copy_scope(self) -> tuple[Any, ...]:
         """Return a copy of what actions have from those before them."""
@@ -168,75 +148,37 @@ class LaunchContext:
 
     def perform_substitution(self, substitution: Any) -> str:
         """Return the text that a substitution stands for."""
-        return perform(self, substitution)
+        text: str = self.whole(perform(self, substitution))
+        return text
 
     def describe(
         self, file: str, arguments: Mapping[str, str], *, ends_on_words: bool = False
     ) -> str:
-        """Return what takes the place of an expanded description, as XML.
+        """Return the key of a xacro file with arguments.
 
         `ends_on_words` is whether the launch ends if xacro says something.
         """
         made = {"file": os.path.abspath(file), "arguments": dict(arguments)}
         self.descriptions.append({**made, "ends_on_words": ends_on_words})
-        return Described(f'<robot key="{len(self.descriptions) - 1}" by="arm_drake"/>')
-
-
-def expanding(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function that is given descriptions, not what takes their place."""
-
-    def whole(value: Any) -> Any:
-        if isinstance(value, Pattern):
-            return value.pattern_of_re
-        return current().expanded(value) if isinstance(value, str) else value
-
-    @functools.wraps(function)
-    def wrapped(*args: Any, **kwargs: Any) -> Any:
-        found = function(*map(whole, args), **{k: whole(v) for k, v in kwargs.items()})
-        if not isinstance(found, str):
-            return found
-        # A description that stays as it is keeps its place.
-        texts = [each for each in (*args, *kwargs.values()) if isinstance(each, str)]
-        return next((each for each in texts if whole(each) == found), found)
-
-    return wrapped
-
-
-class Pattern:
-    """A compiled pattern that is given descriptions, not what takes their place."""
-
-    def __init__(self, pattern: "re.Pattern[str]") -> None:
-        self.pattern_of_re = pattern
-
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):
-            raise AttributeError(name)
-        found = getattr(self.pattern_of_re, name)
-        return expanding(found) if callable(found) else found
-
-    @property  # type: ignore[misc]
-    def __class__(self) -> type:
-        """What launch files ask of it with isinstance."""
-        return re.Pattern
+        return f'<robot key="{len(self.descriptions) - 1}" by="arm_drake"/>'
 
 
 def perform(context: LaunchContext, value: Any) -> str:
-    """Return the text of a text, a substitution, or a list of them."""
+    """Return the text of a text, a substitution, or a list of them.
+
+    Descriptions in it are keys.
+    """
     if isinstance(value, str | bytes):
-        return value if isinstance(value, str) else value.decode()
-    if isinstance(value, Substitution):
-        return value.perform(context)
+        return context.key_of(value) if isinstance(value, str) else value.decode()
+    kind = type(value)
+    if isinstance(value, Substitution) and kind.perform is Substitution.perform:
+        return value.text_of(context)
     if hasattr(value, "perform"):  # One of a package's own.
-        return str(value.perform(context))
+        found = value.perform(context)
+        return context.key_of(found if isinstance(found, str) else str(found))
     if isinstance(value, Mapping) or not isinstance(value, Iterable):
         return str(value)
-    texts = [text for each in value if (text := perform(context, each))]
-    if len(texts) == 1:
-        return texts[0]
-    return "".join(
-        context.expanded(text) if isinstance(text, Described) else text
-        for text in texts
-    )
+    return "".join(perform(context, each) for each in value)
 
 
 def is_substitution(value: Any) -> bool:
@@ -254,7 +196,12 @@ class Substitution:
         self.args, self.kwargs = args, kwargs
 
     def perform(self, context: LaunchContext) -> str:
-        """Return the text."""
+        """Return the text, for launch files' own code."""
+        text: str = context.whole(self.text_of(context))
+        return text
+
+    def text_of(self, context: LaunchContext) -> str:
+        """Return the text; descriptions in it are keys."""
         raise SubstitutionFailure(f"substitution {type(self).__name__} is not known")
 
     def describe(self) -> str:
@@ -271,7 +218,7 @@ class TextSubstitution(Substitution):
         super().__init__()
         self.text = text
 
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         return str(self.text)
 
 
@@ -280,11 +227,11 @@ class LaunchConfiguration(Substitution):
         super().__init__(variable_name)
         self.variable_name, self.default = variable_name, default
 
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         name = perform(context, self.variable_name)
         context.asked.add(name)
         if name in context.launch_configurations:
-            return context.launch_configurations[name]
+            return perform(context, context.launch_configurations[name])
         if self.default is None:
             hint = suggest(name, context.launch_configurations)
             text = f"launch configuration {name!r} does not exist; {hint}"
@@ -297,7 +244,7 @@ class PathJoinSubstitution(Substitution):
         super().__init__()
         self.substitutions = list(substitutions)
 
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         return os.path.join(*(perform(context, each) for each in self.substitutions))
 
     def __truediv__(self, other: Any) -> "PathJoinSubstitution":
@@ -314,7 +261,7 @@ class StringJoinSubstitution(Substitution):
         super().__init__()
         self.substitutions, self.delimiter = list(substitutions), delimiter
 
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         texts = [perform(context, each) for each in self.substitutions]
         return perform(context, self.delimiter).join(texts)
 
@@ -328,7 +275,7 @@ class FindPackageShare(Substitution):
         """Return the share folder of a package, without a context."""
         return find_package(package_name)
 
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         return context.find_package(self._name(context))
 
     def _name(self, context: LaunchContext) -> str:
@@ -347,7 +294,7 @@ class FindPackagePrefix(FindPackageShare):
     def find(self, package_name: str) -> str:
         return prefix_of(package_name, find_package(package_name))
 
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         name = self._name(context)
         return prefix_of(name, context.find_package(name))
 
@@ -372,11 +319,11 @@ def find_package(name: str) -> str:
 
 
 def describe(path: Path, mappings: Mapping[str, Any] | None) -> str:
-    """Return what takes the place of a xacro file's text, with these arguments."""
+    """Return a xacro file's text, with these arguments."""
     context = current()
-    return context.describe(
-        str(path), {k: perform(context, v) for k, v in (mappings or {}).items()}
-    )
+    texts = {name: perform(context, value) for name, value in (mappings or {}).items()}
+    text: str = context.whole(context.describe(str(path), texts))
+    return text
 
 
 def prefix_of(name: str, share: str) -> str:
@@ -393,7 +340,7 @@ class ExecutableInPackage(Substitution):
     def __init__(self, executable: Any, package: Any) -> None:
         super().__init__(executable, package)
 
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         executable, package = (perform(context, each) for each in self.args)
         return f"ros2 run {package} {executable}"
 
@@ -402,7 +349,7 @@ class FindExecutable(Substitution):
     def __init__(self, *, name: Any) -> None:
         super().__init__(name)
 
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         return perform(context, self.args[0])
 
 
@@ -416,7 +363,7 @@ class Command(Substitution):
         super().__init__()
         self.command, self.on_stderr = command, on_stderr
 
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         text = perform(context, self.command)
         on_stderr = perform(context, self.on_stderr)
         if on_stderr not in _ON_STDERR:
@@ -477,7 +424,7 @@ class EnvironmentVariable(Substitution):
         super().__init__(name)
         self.default_value = default_value
 
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         name = perform(context, self.args[0])
         if name in context.environment:
             return str(context.environment[name])
@@ -491,7 +438,7 @@ class PythonExpression(Substitution):
         super().__init__(expression)
         self.python_modules = python_modules
 
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         text = perform(context, self.args[0])
         names: dict[str, Any] = {}
         for module in self.python_modules:
@@ -499,7 +446,7 @@ class PythonExpression(Substitution):
             names[name] = __import__(name)
             names |= {k: v for k, v in vars(names[name]).items() if k[0] != "_"}
         try:
-            return str(eval(text, {}, names))  # noqa: S307  As launch files say.
+            return str(eval(context.whole(text), {}, names))  # noqa: S307  As launch files say.
         except Exception as error:
             raise SubstitutionFailure(
                 f"expression {text!r}: {type(error).__name__}: {error}"
@@ -507,17 +454,17 @@ class PythonExpression(Substitution):
 
 
 class ThisLaunchFile(Substitution):
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         return context.files[-1]
 
 
 class ThisLaunchFileDir(Substitution):
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         return os.path.dirname(context.files[-1])
 
 
 class LocalSubstitution(Substitution):
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         value: Any = context.locals
         for name in perform(context, self.args[0]).split("."):
             value = getattr(value, name)
@@ -525,14 +472,14 @@ class LocalSubstitution(Substitution):
 
 
 class AnonName(Substitution):
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         return (
             f"{perform(context, self.args[0] if self.args else self.kwargs['name'])}_1"
         )
 
 
 class FileContent(Substitution):
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         return Path(perform(context, self.args[0])).read_text(encoding="utf-8")
 
 
@@ -550,7 +497,7 @@ def is_true(text: str) -> bool:
 class _Logic(Substitution):
     """Substitution that is true or false."""
 
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         texts = [perform(context, each) for each in (*self.args, *self.kwargs.values())]
         return str(self.decide(texts)).lower()
 
@@ -594,7 +541,7 @@ class IfElseSubstitution(Substitution):
         super().__init__(condition)
         self.if_value, self.else_value = if_value, else_value
 
-    def perform(self, context: LaunchContext) -> str:
+    def text_of(self, context: LaunchContext) -> str:
         is_so = is_true(perform(context, self.args[0]))
         return perform(context, self.if_value if is_so else self.else_value)
 

@@ -12,8 +12,8 @@ from arm_drake.messages.base import (
     Message,
     check_name,
     check_type,
+    take_numbers,
     to_duration,
-    to_float,
     to_floats,
     to_message,
     to_messages,
@@ -129,9 +129,7 @@ class JointTolerance(Message):
     def __post_init__(self) -> None:
         """Take numbers as they come."""
         check_name(self.name, "name")
-        for field in ("position", "velocity", "acceleration"):
-            number = to_float(getattr(self, field), field)
-            object.__setattr__(self, field, number)
+        take_numbers(self, "position", "velocity", "acceleration")
 
 
 @dataclass(frozen=True)
@@ -216,7 +214,7 @@ class SpeedScalingFactor(Message):
 
     def __post_init__(self) -> None:
         """Take numbers as they come."""
-        object.__setattr__(self, "factor", to_float(self.factor, "factor"))
+        take_numbers(self, "factor")
 
 
 @dataclass(frozen=True)

@@ -8,23 +8,13 @@ import struct
 import time
 import uuid
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from PIL import Image
 
 from arm_drake.errors import InputError
-from arm_drake.wire.types import WireTypes
-
-
-class Served(Protocol):
-    """Whose messages are sent: a RosServer."""
-
-    types: WireTypes
-
-    @property
-    def now_ns(self) -> int:
-        """The time [ns]."""
+from arm_drake.wire.server import RosServer
 
 
 class Encoded(NamedTuple):
@@ -48,7 +38,7 @@ def make_frame(data: str | bytes) -> bytes:
 class Encoder:
     """Makes what is sent of a topic, once for all clients."""
 
-    def __init__(self, server: Served) -> None:
+    def __init__(self, server: RosServer) -> None:
         """Create it."""
         self._server = server
         self._made: dict[tuple[int, str], Encoded] = {}
@@ -110,6 +100,14 @@ def to_json(value: Any) -> str:
         large.clear()
         text = encoder.encode(without_nan(value))
     return "".join(_fill(text, large)) if large else text
+
+
+def from_json(data: str | bytes) -> Any:
+    """Return what JSON says, or raise InputError."""
+    try:
+        return json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"no JSON: {error}") from None
 
 
 def _fill(text: str, large: list[bytes | bytearray]) -> Iterator[str]:

@@ -4,7 +4,6 @@ The protocol is that of foxglove-sdk; messages are CDR, with the definitions of 
 """
 
 import concurrent.futures
-import json
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -28,7 +27,7 @@ from foxglove.websocket import (
 
 from arm_drake.description.robot import Robot, name_portably
 from arm_drake.errors import ArmDrakeError, InputError, OutputError
-from arm_drake.wire.encodings import to_json
+from arm_drake.wire.encodings import from_json, to_json
 from arm_drake.wire.graph import Request, Topic
 from arm_drake.wire.graph import Service as GraphService
 from arm_drake.wire.server import RosServer
@@ -87,7 +86,7 @@ class Foxglove:
             text = f"--ros foxglove can't listen at {host}:{self._port}: {error}"
             raise OutputError(text) from None
         for topic in graph.topics.values():
-            if topic.is_published:
+            if topic.publisher:
                 schema = self._schema(topic.type)
                 channel = foxglove.Channel(
                     topic.name,
@@ -133,7 +132,7 @@ class Foxglove:
         def answer(call: ServiceRequest) -> bytes:
             data = bytes(call.payload)
             if call.encoding == "json":
-                fields = types.fill(request, _from_json(data))
+                fields = types.fill(request, from_json(data))
             else:
                 fields = types.decode(request, data)
             found = types.complete(response, self.ask(service.name, fields))
@@ -255,7 +254,7 @@ class Foxglove:
         if len(data) > _MAX_SIZE:
             raise InputError(f"more than {_MAX_SIZE} bytes")
         if channel.encoding == "json":
-            fields = types.fill(topic.type, _from_json(data))
+            fields = types.fill(topic.type, from_json(data))
         else:
             fields = types.decode(topic.type, data)
         self.server.submit(
@@ -324,13 +323,6 @@ class _Listener(ServerListener):
         request_id: str | None = None,
     ) -> list[Parameter]:
         return self._transport.set_parameters(parameters)
-
-
-def _from_json(data: bytes) -> Any:
-    try:
-        return json.loads(data)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"no JSON: {error}") from None
 
 
 def _parameter(name: str, value: dict[str, Any]) -> Parameter:

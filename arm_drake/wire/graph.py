@@ -108,7 +108,7 @@ class Topic:
     # Such as "sensor_msgs/msg/JointState".
     type: str
 
-    # Who publishes and who subscribes to it, by name.
+    # Who publishes and who subscribes to it, by name; nobody has none.
     publisher: str = ""
     subscriber: str = ""
 
@@ -138,11 +138,6 @@ class Topic:
     waiting: collections.deque[Any] = dc.field(
         default_factory=lambda: collections.deque(maxlen=_NUM_WAITING)
     )
-
-    @property
-    def is_published(self) -> bool:
-        """Whether anything is told."""
-        return bool(self.publisher)
 
     # What other sensors publish on it, each in its own time; what waits is the same.
     others: list["Topic"] = dc.field(default_factory=list)
@@ -438,17 +433,10 @@ class Graph:
         if isinstance(source.system, ControllerInterface):
             look = source.system.find_look(source.port)
             if look is not None:
-                cycle = self._cycle_of(source)
+                cycle = self._cycles[id(source.manager)]
                 topic.convert = _OncePerStamp(topic.convert)
                 topic.read = lambda context: (look(context), cycle.read(context))
         return True
-
-    def _cycle_of(self, source: TopicPort) -> _LastCycle:
-        return self._cycles[id(source.manager)]
-
-    def add_service(self, service: Service) -> None:
-        """Add a service."""
-        self.services[service.name] = service
 
     def log(self, level: int, name: str, text: str, time_ns: int) -> None:
         """Tell in words what happened, on /rosout."""

@@ -9,9 +9,10 @@ from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from arm_drake.errors import InputError, suggest
-from arm_drake.wire.graph import Graph
+from arm_drake.rollout.bag import stamp
+from arm_drake.wire.server import RosServer
 from arm_drake.wire.services import from_parameter_value, to_parameter_value
-from arm_drake.wire.types import WireTypes, full_name
+from arm_drake.wire.types import full_name
 
 Args = Mapping[str, Any]
 Reply = Callable[[Any], None]
@@ -20,22 +21,12 @@ Reply = Callable[[Any], None]
 class Bridge(Protocol):
     """Whose clients ask."""
 
-    # Types of what clients advertise, by topic.
+    server: RosServer
+
+    # Types of what clients advertise, by topic; and what they serve, which has a type.
     topics: dict[str, str]
-
-    @property
-    def graph(self) -> Graph:
-        """The simulation's graph."""
-
-    @property
-    def types(self) -> WireTypes:
-        """Its types."""
-
-    def served(self) -> tuple[dict[str, str], dict[str, str]]:
-        """Return the types of services and of actions that clients have."""
-
-    def now(self) -> dict[str, int]:
-        """Return the clock as a time of ROS."""
+    services: dict[str, Any]
+    actions: dict[str, Any]
 
     def ask(
         self, client: Any, content: dict[str, Any], name: str, fields: Any, reply: Reply
@@ -70,22 +61,19 @@ class RosApi:
     def __init__(self, bridge: Bridge) -> None:
         """Create it."""
         self.bridge = bridge
-        self.graph, self.types = bridge.graph, bridge.types
+        self.graph, self.types = bridge.server.graph, bridge.server.types
 
     def topics(self) -> dict[str, str]:
         """Return the types of all topics by name."""
-        own = {name: topic.type for name, topic in self.graph.topics.items()}
-        return {**own, **self.bridge.topics}
+        return _types(self.graph.topics) | self.bridge.topics
 
     def services(self) -> dict[str, str]:
         """Return the types of all services by name."""
-        own = {name: service.type for name, service in self.graph.services.items()}
-        return {**own, **self.bridge.served()[0]}
+        return _types(self.graph.services) | _types(self.bridge.services)
 
     def actions(self) -> dict[str, str]:
         """Return the types of all actions by name."""
-        own = {name: action.type for name, action in self.graph.actions.items()}
-        return {**own, **self.bridge.served()[1]}
+        return _types(self.graph.actions) | _types(self.bridge.actions)
 
     def typedefs(self, type_: str) -> list[dict[str, Any]]:
         """Return what a type is made of, and the types in it."""
@@ -109,6 +97,10 @@ class RosApi:
         if not found:
             raise InputError(f"unknown type {type_!r}")
         return list(found.values())
+
+
+def _types(known: Mapping[str, Any]) -> dict[str, str]:
+    return {name: each.type for name, each in known.items()}
 
 
 def _example(kind: str, length: int) -> str:
@@ -159,8 +151,9 @@ def _definitions(api: RosApi) -> list[str]:
     ]
 
 
-def _both_names(time: dict[str, int]) -> dict[str, int]:
-    """Return a time with the names of ROS 1, too, which roslibpy reads."""
+def _now(api: RosApi) -> dict[str, int]:
+    """Return the clock with the names of ROS 1, too, which roslibpy reads."""
+    time = stamp(api.bridge.server.now_ns)
     return {**time, "secs": time["sec"], "nsecs": time["nanosec"]}
 
 
@@ -213,7 +206,7 @@ _CALLS: Mapping[str, Callable[[RosApi, Args], Any]] = {
     "action_goal_details": _details("_Goal"),
     "action_result_details": _details("_Result"),
     "action_feedback_details": _details("_Feedback"),
-    "get_time": lambda api, args: {"time": _both_names(api.bridge.now())},
+    "get_time": lambda api, args: {"time": _now(api)},
     "get_ros_version": lambda api, args: {
         "version": 2,
         "distro": api.types.distro,
@@ -268,7 +261,7 @@ class _Params:
         self._ask(f"{node}/set_parameters", request, done)
 
     def _names(self) -> None:
-        services = self._bridge.graph.services
+        services = self._bridge.server.graph.services
         nodes = [n for n in services if n.endswith("/list_parameters")]
         names: list[str] = []
         left = set(nodes)
@@ -284,7 +277,7 @@ class _Params:
             self._ask(node, {}, functools.partial(take, node))
 
     def _ask(self, name: str, request: Args, reply: Reply) -> None:
-        bridge = self._bridge
-        type_ = f"{bridge.graph.service(name).type}_Request"
-        fields = bridge.types.fill(type_, request)
-        bridge.ask(self._client, self._content, name, fields, reply)
+        server = self._bridge.server
+        type_ = f"{server.graph.service(name).type}_Request"
+        fields = server.types.fill(type_, request)
+        self._bridge.ask(self._client, self._content, name, fields, reply)

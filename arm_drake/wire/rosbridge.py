@@ -19,21 +19,21 @@ import tornado.web
 import tornado.websocket
 
 from arm_drake.errors import ArmDrakeError, InputError
-from arm_drake.rollout.bag import stamp
 from arm_drake.wire.encodings import (
     Encoded,
     Encoder,
     Fragments,
     decode_cbor,
     encode,
+    from_json,
     from_png,
     make_frame,
     split,
     to_png,
 )
-from arm_drake.wire.graph import GoalEvent, Graph, Request, Topic
+from arm_drake.wire.graph import GoalEvent, Request, Topic
 from arm_drake.wire.server import RosServer
-from arm_drake.wire.types import WireTypes, full_name
+from arm_drake.wire.types import full_name
 
 # Largest message that is taken [bytes], and how many a client may send a second.
 _MAX_SIZE, _MAX_RATE = 10_000_000, 2000
@@ -166,13 +166,7 @@ class Client(tornado.websocket.WebSocketHandler):
         """Say what is wrong, as the operation has it."""
         op, id_ = content.get("op"), content.get("id")
         if op == "call_service":
-            answer = {
-                "op": "service_response",
-                "service": content.get("service"),
-                "values": problem,
-                "result": False,
-            }
-            self.send(answer if id_ is None else {**answer, "id": id_})
+            self.send(_response(content, problem, is_done=False))
         elif op == "send_action_goal":
             self.send(_no_result(content, problem))
         else:
@@ -248,16 +242,20 @@ class Client(tornado.websocket.WebSocketHandler):
 
 def _read(message: str | bytes) -> dict[str, Any]:
     """Return what a message says, or raise InputError."""
-    if isinstance(message, bytes):
-        content = decode_cbor(message)
-    else:
-        try:
-            content = json.loads(message)
-        except (ValueError, RecursionError) as error:
-            raise InputError(f"no JSON: {error}") from None
+    content = from_json(message) if isinstance(message, str) else decode_cbor(message)
     if not isinstance(content, dict):
         raise InputError(f"expected an object with op, got a {type(content).__name__}")
     return content
+
+
+def _response(call: Mapping[str, Any], values: Any, *, is_done: bool) -> dict[str, Any]:
+    answer = {
+        "op": "service_response",
+        "service": call.get("service"),
+        "values": values,
+        "result": is_done,
+    }
+    return answer if call.get("id") is None else {**answer, "id": call["id"]}
 
 
 def _no_result(content: Mapping[str, Any], problem: str) -> dict[str, Any]:
@@ -524,15 +522,7 @@ class Rosbridge:
         compression = content.get("compression") or "none"
 
         def reply(values: Any) -> None:
-            answer = {
-                "op": "service_response",
-                "service": content.get("service"),
-                "values": values,
-                "result": True,
-            }
-            if content.get("id") is not None:
-                answer["id"] = content["id"]
-            client.send(answer, compression, size)
+            client.send(_response(content, values, is_done=True), compression, size)
 
         if name.startswith("/rosapi/"):
             from arm_drake.wire.rosapi import call_rosapi
@@ -563,25 +553,6 @@ class Rosbridge:
 
         self._submit(client, content, "call", name, fields, complete)
 
-    @property
-    def graph(self) -> Graph:
-        """The simulation's graph."""
-        return self.server.graph
-
-    @property
-    def types(self) -> WireTypes:
-        """Its types."""
-        return self.server.types
-
-    def served(self) -> tuple[dict[str, str], dict[str, str]]:
-        """Return the types of services and of actions that clients have."""
-        services = {name: each.type for name, each in self.services.items()}
-        return services, {name: each.type for name, each in self.actions.items()}
-
-    def now(self) -> dict[str, int]:
-        """Return the clock of the simulation, as a time of ROS."""
-        return stamp(self.server.now_ns)
-
     def _call_client(
         self, provider: Client, caller: Client, name: str, content: dict[str, Any]
     ) -> None:
@@ -595,15 +566,8 @@ class Rosbridge:
         waiting = self._calls.pop(str(content.get("id")), None)
         if waiting is None:
             raise InputError("nobody waits for this response")
-        answer = {
-            "op": "service_response",
-            "service": waiting.request.get("service"),
-            "values": content.get("values"),
-            "result": bool(content.get("result", True)),
-        }
-        if waiting.request.get("id") is not None:
-            answer["id"] = waiting.request["id"]
-        waiting.client.send(answer)
+        values, is_done = content.get("values"), bool(content.get("result", True))
+        waiting.client.send(_response(waiting.request, values, is_done=is_done))
 
     def _do_advertise_service(self, client: Client, content: dict[str, Any]) -> None:
         own = self.server.graph.services

@@ -83,20 +83,21 @@ class Host(Protocol):
 
 def add_services(host: Host) -> None:
     """Add all services of a simulation to its graph."""
-    graph, simulation = host.graph, host.simulation
+    host.graph.services |= {each.name: each for each in _services(host)}
+
+
+def _services(host: Host) -> Iterator[Service]:
+    """Yield them all; of one name the last counts."""
+    simulation = host.simulation
     for manager in simulation.directory.managers.values():
-        for service in _ManagerServices(host, manager).services():
-            graph.add_service(service)
-        for service in _controller_services(simulation, manager):
-            graph.add_service(service)
-        for service in _task_space_services(simulation, manager):
-            graph.add_service(service)
+        yield from _ManagerServices(host, manager).services()
+        yield from _controller_services(simulation, manager)
+        yield from _task_space_services(simulation, manager)
     parameters = Parameters(simulation)
     for node in parameters.nodes:
-        for service in _parameter_services(parameters, node):
-            graph.add_service(service)
-    for service in (*_time_services(host), *_thing_services(simulation)):
-        graph.add_service(service)
+        yield from _parameter_services(parameters, node)
+    yield from _time_services(host)
+    yield from _thing_services(simulation)
 
 
 class _ManagerServices:
@@ -379,28 +380,18 @@ def _controller_services(
         node = f"{manager.namespace}/{controller.name}"
         if system is None:
             continue
-        if hasattr(system, "query_state"):
-            call = functools.partial(_query_state, simulation, name)
-            path, type_ = (
-                f"{node}/query_state",
-                "control_msgs/srv/QueryTrajectoryState",
-            )
-            yield Service(path, type_, node, call)
-        if system.HasInputPort("set_odometry"):
-            call = functools.partial(_set_odometry, simulation, name)
-            path, type_ = f"{node}/set_odometry", "control_msgs/srv/SetOdometry"
-            yield Service(path, type_, node, call, acts=True)
-        if system.HasInputPort("reset_odometry"):
-            call = functools.partial(_reset_odometry, simulation, name)
-            path, type_ = f"{node}/reset_odometry", "std_srvs/srv/Empty"
-            yield Service(path, type_, node, call, acts=True)
-        distro = manager.robot.distro
-        if controller.type == "pid_controller/PidController" and (
-            distro in _WITH_FEEDFORWARD
-        ):
-            call = functools.partial(_set_feedforward, simulation, name)
-            path, type_ = f"{node}/set_feedforward_control", "std_srvs/srv/SetBool"
-            yield Service(path, type_, node, call, acts=True)
+        is_pid = controller.type == "pid_controller/PidController"
+        offered = {
+            "query_state": hasattr(system, "query_state"),
+            "set_odometry": system.HasInputPort("set_odometry"),
+            "reset_odometry": system.HasInputPort("reset_odometry"),
+            "set_feedforward_control": is_pid
+            and manager.robot.distro in _WITH_FEEDFORWARD,
+        }
+        for own, (type_, call, acts) in _OF_CONTROLLERS.items():
+            if offered[own]:
+                bound = functools.partial(call, simulation, name)
+                yield Service(f"{node}/{own}", type_, node, bound, acts)
 
 
 def _task_space_services(
@@ -456,6 +447,15 @@ def _set_feedforward(simulation: Simulation, controller: str, call: Call) -> Fie
     change = {"enable_feedforward": call.request["data"]}
     simulation.controller(controller).set_parameters(change)
     return {"success": True, "message": ""}
+
+
+# Services of controllers by their names: type, what does them, whether they act.
+_OF_CONTROLLERS: Mapping[str, tuple[str, Callable[..., Fields], bool]] = {
+    "query_state": ("control_msgs/srv/QueryTrajectoryState", _query_state, False),
+    "set_odometry": ("control_msgs/srv/SetOdometry", _set_odometry, True),
+    "reset_odometry": ("std_srvs/srv/Empty", _reset_odometry, True),
+    "set_feedforward_control": ("std_srvs/srv/SetBool", _set_feedforward, True),
+}
 
 
 class Parameters:
@@ -650,11 +650,9 @@ def _thing_services(simulation: Simulation) -> Iterator[Service]:
     if not isinstance(plant, MultibodyPlant):
         return
     bodies = {}
-    for model in range(plant.num_bodies()):
-        body = plant.get_body(_body_index(model))
-        if body.is_floating_base_body():
-            name = plant.GetModelInstanceName(body.model_instance())
-            bodies[body.name() if name in bodies else name] = body
+    for body in map(plant.get_body, sorted(plant.GetFloatingBaseBodies())):
+        name = plant.GetModelInstanceName(body.model_instance())
+        bodies[body.name() if name in bodies else name] = body
     if not bodies:
         return
     things = _Things(simulation, plant, bodies)
@@ -662,12 +660,6 @@ def _thing_services(simulation: Simulation) -> Iterator[Service]:
     yield Service(path, type_, SIMULATOR, things.set, acts=True)
     path, type_ = "/get_entity_state", "gazebo_msgs/srv/GetEntityState"
     yield Service(path, type_, SIMULATOR, things.get)
-
-
-def _body_index(number: int) -> Any:
-    from pydrake.multibody.tree import BodyIndex
-
-    return BodyIndex(number)
 
 
 class _Things:
