@@ -28,7 +28,14 @@ from arm_drake.description.controllers import (
 )
 from arm_drake.description.drive_gains import gazebo_nodes
 from arm_drake.description.elements import declare_prefixes
-from arm_drake.description.entry import TEXT, Source, check_text, find_entry, is_xml
+from arm_drake.description.entry import (
+    TEXT,
+    Source,
+    check_text,
+    find_entry,
+    is_xml,
+    listed,
+)
 from arm_drake.description.gazebo_plugins import ApplyJointForce, Ros2ControlPlugin
 from arm_drake.description.inertia import repair_free_base
 from arm_drake.description.initial_positions import find_initial_positions
@@ -141,17 +148,11 @@ def _load(
     arguments: Mapping[str, Any], controller_types: Mapping[str, ControllerType] | None
 ) -> Robot:
     """Load by the arguments of `load_robot`, stage by stage."""
-    arguments = _check_types(arguments)
-    folders, distro, name = (
-        arguments["package_paths"],
-        arguments["distro"],
-        arguments["name"],
-    )
-    loading = _start(arguments["source"], folders, distro, name, controller_types)
-    description = _read_description(loading, arguments)
-    bridges, config = _read_controllers(loading, description, arguments)
+    loading = _start(_check_types(arguments), controller_types)
+    description = _read_description(loading)
+    bridges, config = _read_controllers(loading, description)
     description, config = _complete(loading, description, config)
-    robot = _make_robot(loading, description, config, bridges, arguments)
+    robot = _make_robot(loading, description, config, bridges)
     _try(loading, robot)
     if arguments["strict"] and len(robot.report):
         raise InputError(f"not everything was taken as written:\n{robot.report}")
@@ -204,6 +205,9 @@ def _check_types(arguments: Mapping[str, Any]) -> dict[str, Any]:
 class _Loading(NamedTuple):
     """What is loaded, and how; its report and its files grow."""
 
+    # Those of `load_robot`, paths in tuples.
+    arguments: Mapping[str, Any]
+
     # The file that is read first, and the name of the bundled robot if it is one. Of a
     # text it is what messages call it.
     entry: Path
@@ -214,8 +218,8 @@ class _Loading(NamedTuple):
     folders: tuple[Path, ...]
     packages: PackageFinder
 
+    # Known to us, such as jazzy.
     distro: str
-    name: str | None
     types: Mapping[str, ControllerType]
     report: LoadReport
 
@@ -225,21 +229,16 @@ class _Loading(NamedTuple):
 
 
 def _start(
-    source: Source,
-    package_paths: Source | Sequence[Source],
-    distro: str,
-    name: str | None,
-    controller_types: Mapping[str, ControllerType] | None,
+    arguments: Mapping[str, Any], controller_types: Mapping[str, ControllerType] | None
 ) -> _Loading:
     """Return what is to be loaded, after a check of what can be told already."""
+    source, name = arguments["source"], arguments["name"]
     if name is not None and (not name or "/" in name):
         raise InputError(f"name {name!r}: expected a name without '/'")
-    if isinstance(package_paths, str | os.PathLike):
-        package_paths = [package_paths]
     types = check_controller_types(controller_types or {})
     report = LoadReport()
-    distro = _check_distro(distro, report)
-    folders = tuple(_existing_folder(path) for path in package_paths)
+    distro = _check_distro(arguments["distro"], report)
+    folders = _check_folders(arguments["package_paths"])
     text = source if isinstance(source, str) and is_xml(source) else None
     if text is None:
         entry, bundled = find_entry(source)
@@ -247,13 +246,13 @@ def _start(
         entry, bundled = next(iter(folders), Path.cwd()) / TEXT, None
     packages = PackageFinder(entry, folders, report)
     return _Loading(
+        arguments,
         entry,
         text,
         bundled,
         folders,
         packages,
         distro,
-        name,
         types,
         report,
         files=set(),
@@ -261,11 +260,10 @@ def _start(
     )
 
 
-def _read_description(
-    loading: _Loading, arguments: Mapping[str, Any]
-) -> RobotDescription:
+def _read_description(loading: _Loading) -> RobotDescription:
     """Return the robot that the entry file describes."""
     entry, packages, report = loading.entry, loading.packages, loading.report
+    arguments = loading.arguments
     xacro_args, text = dict(arguments["xacro_args"] or {}), loading.text
     if text is None:
         text = expand_xacro(
@@ -315,12 +313,11 @@ def as_urdf(text: str, file: Path, folders: Sequence[Path], report: LoadReport) 
 
 
 def _read_controllers(
-    loading: _Loading,
-    description: RobotDescription,
-    arguments: Mapping[str, Any],
+    loading: _Loading, description: RobotDescription
 ) -> tuple[Sequence[Path], ControllerManagerConfig]:
     """Return the YAML files of bridges, and what those of controllers configure."""
     bundled, packages, report = loading.bundled, loading.packages, loading.report
+    arguments = loading.arguments
     bridges, controllers = split_bridges(arguments["controllers"])
     bridges = bridges or find_bridge_files(description, packages, bundled, report)
     files = find_control_files(controllers, description, packages, bundled, report)
@@ -375,12 +372,11 @@ def _make_robot(
     description: RobotDescription,
     config: ControllerManagerConfig,
     bridges: Sequence[Path],
-    arguments: Mapping[str, Any],
 ) -> Robot:
     """Return the robot of a description, of controllers and load_robot's arguments."""
-    report = loading.report
+    report, arguments = loading.report, loading.arguments
     return Robot(
-        name=loading.name or description.name,
+        name=arguments["name"] or description.name,
         description=description,
         controllers=config,
         report=report,
@@ -469,18 +465,19 @@ def _check_distro(distro: str, report: LoadReport) -> str:
 def _check_srdf(sources: Source | Sequence[Source] | None) -> tuple[Path, ...] | None:
     if sources is None:
         return None
-    files = [sources] if isinstance(sources, str | os.PathLike) else sources
-    for file in map(Path, files):
+    files = tuple(listed(sources))
+    for file in files:
         if not file.is_file():
             raise InputError("no such SRDF file", file=file)
-    return tuple(map(Path, files))
+    return files
 
 
-def _existing_folder(path: Source) -> Path:
-    folder = Path(path)
-    if not folder.is_dir():
-        raise InputError("no such folder; expected one to search", file=folder)
-    return folder
+def _check_folders(sources: Source | Sequence[Source]) -> tuple[Path, ...]:
+    folders = tuple(listed(sources))
+    for folder in folders:
+        if not folder.is_dir():
+            raise InputError("no such folder; expected one to search", file=folder)
+    return folders
 
 
 def _check_pose(pose: Sequence[float] | None) -> Pose | None:

@@ -135,14 +135,8 @@ def _report_tags(
             what = f"<{tag}>: no <ros2_control> block is for {simulator}"
             if simulator in used:
                 what = f"<{tag}>: {simulator} has no such tag"
-            where = place_of(plugin)
-            file = description.file
+            where, file = plugin.place, description.file
             report.add("info", "ignored", what, _NO_EFFECT, where=where, file=file)
-
-
-def place_of(plugin: GazeboPlugin) -> str:
-    """Return how a plugin is called in the report."""
-    return f"Gazebo plugin {plugin.name or plugin.filename!r}"
 
 
 def _places(parameters: Parameters) -> set[tuple[str, Path, int]]:
@@ -260,7 +254,7 @@ class _Finder:
                 return number
             if number is not None:  # Else it is in the load report.
                 what = f"{POSITION_GAIN}: {expected} {number}"
-                self._note(what, _UNSET, place_of(plugin))
+                self._note(what, _UNSET, plugin.place)
         return None
 
     def _add_tags(

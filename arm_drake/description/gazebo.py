@@ -13,7 +13,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from arm_drake.description.elements import (
     ElementReader,
@@ -68,18 +68,22 @@ KEEPING = ("preserveFixedJoint", "disableFixedJointLumping")
 # Tags of a link that say whether gravity acts on it, with what they usually say.
 _WEIGHT: Mapping[str, bool] = {"gravity": True, "turnGravityOff": False}
 
-# What publishes what IMUs measure, and whether as Gazebo's own plugin does.
-_IMU_PLUGINS = {"gazebo_ros_imu_sensor": True, "gazebo_ros_create_imu": False}
+# The plugin of RealSense's maker for its cameras, and Gazebo's own for IMUs.
+_REALSENSE = "realsense_gazebo_plugin"
+PLAIN_IMU = "gazebo_ros_imu_sensor"
 
-# What publishes what cameras and lidars see.
-_PERCEPTION = (
-    "gazebo_ros_camera",
-    "gazebo_ros_depth_camera",
-    "gazebo_ros_openni_kinect",
-    "gazebo_ros_multicamera",
-    "gazebo_ros_ray_sensor",
-    "realsense_gazebo_plugin",
-)
+# Libraries of Gazebo Classic that publish what sensors of some sort measure.
+_SENSOR_LIBRARIES: Mapping[str, Literal["bumper", "imu", "perception"]] = {
+    "gazebo_ros_bumper": "bumper",
+    PLAIN_IMU: "imu",
+    "gazebo_ros_create_imu": "imu",
+    "gazebo_ros_camera": "perception",
+    "gazebo_ros_depth_camera": "perception",
+    "gazebo_ros_openni_kinect": "perception",
+    "gazebo_ros_multicamera": "perception",
+    "gazebo_ros_ray_sensor": "perception",
+    _REALSENSE: "perception",
+}
 
 
 @dataclass(frozen=True)
@@ -108,39 +112,32 @@ class GazeboPlugin:
         return next(filter(None, self.texts(tag)), "")
 
     @property
-    def is_bumper(self) -> bool:
-        """Whether it publishes what a contact sensor of Gazebo Classic feels."""
-        return self._library == "gazebo_ros_bumper"
+    def place(self) -> str:
+        """What it is called in the report."""
+        return f"Gazebo plugin {self.name or self.filename!r}"
 
     @property
-    def is_imu(self) -> bool:
-        """Whether it publishes what an IMU of Gazebo Classic measures."""
-        return self._library in _IMU_PLUGINS
+    def sensor(self) -> Literal["bumper", "imu", "perception", ""]:
+        """The sort of Gazebo Classic's sensors that it publishes, "" if none.
 
-    @property
-    def is_plain_imu(self) -> bool:
-        """Whether it does so as Gazebo's own plugin, not as one made after that."""
-        return _IMU_PLUGINS.get(self._library, False)
-
-    @property
-    def is_perception(self) -> bool:
-        """Whether it publishes what a camera or lidar of Gazebo Classic sees."""
-        return self._library in _PERCEPTION
+        Perception is what cameras and lidars see.
+        """
+        return _SENSOR_LIBRARIES.get(self.library, "")
 
     @property
     def is_realsense(self) -> bool:
         """Whether it publishes what the sensors of a RealSense see, by their names."""
-        return self._library == "realsense_gazebo_plugin"
+        return self.library == _REALSENSE
 
     @property
     def is_moving(self) -> bool:
         """Whether it would move the robot, but nothing stands in for it."""
-        return _MOVING.fullmatch(self._library) is not None
+        return _MOVING.fullmatch(self.library) is not None
 
     @property
     def is_mimic(self) -> bool:
         """Whether it lets a joint follow another one."""
-        return _MIMIC.fullmatch(self._library) is not None
+        return _MIMIC.fullmatch(self.library) is not None
 
     @property
     def sensor_system(self) -> str:
@@ -148,11 +145,11 @@ class GazeboPlugin:
 
         That is "sensors", which are cameras and lidars, or a type; "" is none.
         """
-        match = _SENSORS.fullmatch(self._library)
+        match = _SENSORS.fullmatch(self.library)
         return match["kind"] if match else ""
 
     @property
-    def _library(self) -> str:
+    def library(self) -> str:
         """Its library without "lib" and ".so"."""
         library = re.split(r"[/\\]", self.filename)[-1]
         return library.removesuffix(".so").removeprefix("lib")
@@ -160,7 +157,7 @@ class GazeboPlugin:
     @property
     def kind(self) -> str:
         """Its key in `KINDS`; "other" if it neither moves nor reports joints."""
-        library = self._library
+        library = self.library
         if _ROS2_CONTROL.fullmatch(library):
             return "ros2_control"
         if match := _SYSTEM.fullmatch(library):
@@ -175,7 +172,7 @@ class GazeboPlugin:
     @property
     def is_like_ros2_control(self) -> bool:
         """Whether it has a controllers YAML as ros2_control's own, but another name."""
-        return _ROS2_CONTROL.fullmatch(self._library) is None and any(
+        return _ROS2_CONTROL.fullmatch(self.library) is None and any(
             name.endswith((".yaml", ".yml")) for name in self.texts("parameters")
         )
 
@@ -262,10 +259,7 @@ def report_gazebo(
         for plugin in found
         if plugin.kind == "other"
         and not (plugin.is_moving or plugin.is_mimic)
-        and not (
-            plugin.holder in holders
-            and (plugin.is_bumper or plugin.is_imu or plugin.is_perception)
-        )
+        and not (plugin.holder in holders and plugin.sensor)
         and plugin.sensor_system not in systems
         and not (plugin.is_realsense and sees)
     )
@@ -374,8 +368,7 @@ def read_joint_plugins(
     found = []
     for plugin in plugins:
         if plugin.kind != "other":
-            place = f"Gazebo plugin {plugin.name or plugin.filename!r}"
-            reader = _FieldReader(place, report, file)
+            reader = _FieldReader(plugin.place, report, file)
             if (typed := reader.read(plugin, joint_names)) is not None:
                 found.append(typed)
     return tuple(found)

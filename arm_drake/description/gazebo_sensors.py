@@ -19,7 +19,7 @@ from arm_drake.description.elements import (
     parse_sdf_pose,
     text_of,
 )
-from arm_drake.description.gazebo import KEEPING, GazeboPlugin, read_plugins
+from arm_drake.description.gazebo import KEEPING, PLAIN_IMU, GazeboPlugin, read_plugins
 from arm_drake.description.gazebo_plugins import ImuSensorTag, Noise
 from arm_drake.description.joints import WORLD, JointInfo
 from arm_drake.description.links import Pose
@@ -83,7 +83,7 @@ class GazeboSensor:
     @property
     def bumper(self) -> GazeboPlugin | None:
         """The plugin of Gazebo Classic that publishes contacts, if it has one."""
-        return next((p for p in self.plugins if p.is_bumper), None)
+        return next((p for p in self.plugins if p.sensor == "bumper"), None)
 
 
 def read_gazebo_sensors(
@@ -289,12 +289,12 @@ class _ImuReader(SensorReader):
             has_orientation=enabled is not False,
             reference=self._reference(imu),
         )
-        plugin = next((p for p in plugins if p.is_imu), None)
+        plugin = next((p for p in plugins if p.sensor == "imu"), None)
         return tag if plugin is None else self._of_classic(tag, plugin)
 
     def _of_classic(self, tag: ImuSensorTag, plugin: GazeboPlugin) -> ImuSensorTag:
         """Return an IMU as the plugin of Gazebo Classic publishes it."""
-        if not plugin.is_plain_imu:
+        if plugin.library != PLAIN_IMU:
             what = f"plugin {plugin.filename!r}"
             done = "run as libgazebo_ros_imu_sensor.so, whose accelerations are less "
             done += "that of free fall: 9.81 upwards at rest"

@@ -328,7 +328,7 @@ class _SensorReader(SensorReader):
         links: Collection[str],
     ) -> PerceptionSensor:
         """Return what all sensors have."""
-        plugin = next((p for p in plugins if p.is_perception), None)
+        plugin = next((p for p in plugins if p.sensor == "perception"), None)
         for other in plugins:
             if other is not plugin:
                 what = f"plugin {other.filename or other.name!r}"
