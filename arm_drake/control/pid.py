@@ -12,7 +12,7 @@ unit that the gains make of it.
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, Final, Literal, NamedTuple, Self
+from typing import Annotated, Any, Final, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 
@@ -21,7 +21,10 @@ from arm_drake.description.parameters import ParameterGroup, Rule, check_finite
 from arm_drake.importing import dataclass
 from arm_drake.messages import Message
 
-STRATEGIES: Final = ("none", "conditional_integration", "back_calculation", "legacy")
+AntiwindupStrategy = Literal[
+    "none", "conditional_integration", "back_calculation", "legacy"
+]
+STRATEGIES: Final[tuple[str, ...]] = get_args(AntiwindupStrategy)
 
 
 def find_fault(gains: Any, *, is_humble: bool = False) -> str | None:
@@ -401,11 +404,6 @@ class PlainPids:
 
 def _array(gains: Sequence[Any], name: str) -> Array:
     return np.array([getattr(one, name) for one in gains], dtype=float)
-
-
-AntiwindupStrategy = Literal[
-    "none", "conditional_integration", "back_calculation", "legacy"
-]
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ controller's `joints`. A tolerance is [rad], [rad/s], [rad/s^2] for a revolute j
 
 import dataclasses as dc
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,9 @@ from arm_drake.messages import FollowJointTrajectoryGoal, JointTolerance, Messag
 
 # In a goal, this value takes a tolerance away.
 _ERASE = -1.0
-_EPSILON = float(np.finfo(np.float32).eps)
+
+# Less counts as nothing: epsilon of a 32-bit float.
+EPSILON: Final = float(np.finfo(np.float32).eps)
 
 # Part of a squared tolerance that a sum may reach to be safe.
 _SAFE = 1.0 - 1e-9
@@ -213,7 +215,7 @@ def _resolve_joints(
 def _resolve(value: float, default: float, where: str) -> float:
     if value > 0.0:
         return value
-    if abs(value - _ERASE) < _EPSILON:
+    if abs(value - _ERASE) < EPSILON:
         return 0.0
     if value < 0.0:
         raise _InvalidToleranceError(

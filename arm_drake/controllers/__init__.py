@@ -45,16 +45,10 @@ def find_controller_type(
 ) -> ControllerType | None:
     """Return the row of a controller type, or None.
 
-    A robot's own types come first, then those of installed packages, then ours, and
-    last other packages' types that are one of ours.
-
-    Args:
-        name: A ros2_control type.
-        own: Types of the robot alone.
-        installed: What `installed_types` returns; by default it is asked.
-
-    Raises:
-        InputError: If an installed package offers what can't be used.
+    A robot's `own` types come first, then those of installed packages, then ours, and
+    last other packages' types that are one of ours. `installed` is what
+    `installed_types` returns, which is asked by default. If an installed package offers
+    what can't be used there is an InputError.
     """
     builtin = CONTROLLER_TYPES.get(name)
     equivalent = load_other_types().equivalents.get(name) if builtin is None else None

@@ -23,7 +23,7 @@ from arm_drake.control.servo import (
 )
 from arm_drake.description.drive_gains import DriveGains
 from arm_drake.description.joint_limits import find_joint_limits
-from arm_drake.description.joints import JointInfo
+from arm_drake.description.joints import JointInfo, JointLimits
 from arm_drake.description.links import Pose
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
@@ -250,23 +250,17 @@ def _with_grippers(
 def drive_limits(joints: Sequence[JointInfo]) -> DriveLimits:
     """Return what joints are allowed."""
     velocities = [joint.limits.velocity for joint in joints]
+    endless = JointLimits()
+    ranges = [
+        (endless if joint.type == "continuous" else joint.limits).range
+        for joint in joints
+    ]
     return DriveLimits(
         np.array(effort_limits(joints)),
         np.array([math.inf if v is None else v for v in velocities]),
         np.array([joint.type == "prismatic" for joint in joints], dtype=bool),
-        *(np.array(ends) for ends in _ranges(joints)),
+        *np.array(ranges).reshape(-1, 2).T.copy(),
     )
-
-
-def _ranges(joints: Sequence[JointInfo]) -> tuple[list[float], list[float]]:
-    """Return where joints have their stops, infinite where none."""
-    lower, upper = [], []
-    for joint in joints:
-        has_stops = joint.type != "continuous"
-        low, high = joint.limits.lower, joint.limits.upper
-        lower.append(low if has_stops and low is not None else -math.inf)
-        upper.append(high if has_stops and high is not None else math.inf)
-    return lower, upper
 
 
 def _strength(

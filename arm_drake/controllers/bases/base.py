@@ -84,17 +84,17 @@ def make_odometry(
     time_ns: int | None,
     frames: BaseFrames,
     pose: PlanarPose,
-    velocity: tuple[float, float, float],
+    velocity: Velocity,
     covariances: tuple[tuple[float, ...], tuple[float, ...]],
 ) -> Odometry:
     """Return the message of an odometry.
 
-    `time_ns` is None before the first tick; `velocity` [m/s], [rad/s];
-    `covariances` shape (36,).
+    `time_ns` is None before the first tick; `covariances` shape (36,).
     """
     if time_ns is None:
         return Odometry()
-    vx, vy, wz = velocity
+    vx, *sideways, wz = velocity
+    (vy,) = sideways or (0.0,)
     return Odometry(
         Header.from_nanoseconds(time_ns, frames.odom),
         frames.base,
@@ -413,10 +413,9 @@ class BaseController(TopicController[B]):
         return state._replace(pose=pose), ""
 
     def _make_odometry(self, state: B, pose: PlanarPose) -> Odometry:
-        v, *sideways, w = state.odometry.velocity
-        (y,) = sideways or (0.0,)
+        velocity = state.odometry.velocity
         return make_odometry(
-            state.time_ns, self._frames, pose, (v, y, w), self._covariances
+            state.time_ns, self._frames, pose, velocity, self._covariances
         )
 
     def _describe_odometry(self, state: B) -> Odometry:

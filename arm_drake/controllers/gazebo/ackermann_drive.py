@@ -30,7 +30,7 @@ from arm_drake.controllers.gazebo.plugin import (
     JointForces,
     drive_topics,
     find_number_fault,
-    publish_period_ns,
+    is_early,
 )
 from arm_drake.controllers.topics import Inbox
 from arm_drake.description.gazebo_plugins import (
@@ -302,7 +302,6 @@ class GazeboRosAckermannDrive(ClassicController[ClassicAckermannState]):
         self, tag: GazeboRosAckermannDriveTag, params: ControllerInterfaceParams
     ) -> None:
         """Create the system."""
-        self._update_ns = publish_period_ns(tag.update_rate)
         self._pids = _make_pids(tag)
         # What turns both rear wheels is the first force.
         places = {
@@ -335,8 +334,7 @@ class GazeboRosAckermannDrive(ClassicController[ClassicAckermannState]):
     ) -> ClassicAckermannState:
         state = self._receive(now, state)
         elapsed_ns = now.time_ns - state.last_ns
-        # Times of ticks are cut to whole nanoseconds.
-        is_due = elapsed_ns >= self._update_ns - 1
+        is_due = not is_early(elapsed_ns, self._tag.update_rate)
         state = self._look(now, state, is_due)
         if not is_due:
             return state._replace(command=self._rest)

@@ -360,7 +360,7 @@ class GazeboRosDiffDrive(ClassicController[ClassicDriveState]):
                 message = self._describe_base(time_ns, state.truth, base, dt)
                 return state._replace(truth=base, published=message)
         pose, speed, turning = state.odometry
-        velocity, both = (speed, 0.0, turning), (self._covariance,) * 2
+        velocity, both = (speed, turning), (self._covariance,) * 2
         message = make_odometry(time_ns, self._frames, pose, velocity, both)
         return state._replace(published=message)
 

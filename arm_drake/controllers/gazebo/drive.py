@@ -264,14 +264,8 @@ class GazeboDrive(BasePlugin[GazeboDriveState]):
         state = state._replace(odometry=odometry)
         if now.time_ns - state.published_ns < self._period_ns:
             return state
-        v, *sideways, w = odometry.velocity
-        message = make_odometry(
-            now.time_ns,
-            self._frames,
-            odometry.pose,
-            (v, *(sideways or (0.0,)), w),
-            (_CERTAIN, _CERTAIN),
-        )
+        pose, velocity, both = odometry.pose, odometry.velocity, (_CERTAIN, _CERTAIN)
+        message = make_odometry(now.time_ns, self._frames, pose, velocity, both)
         return state._replace(published=message, published_ns=now.time_ns)
 
     def _limit(

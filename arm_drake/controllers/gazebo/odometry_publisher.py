@@ -17,7 +17,7 @@ from arm_drake.controllers.gazebo.drive import (
     find_velocity,
     orientation_of,
 )
-from arm_drake.controllers.gazebo.plugin import as_topic, publish_period_ns
+from arm_drake.controllers.gazebo.plugin import as_topic, is_early
 from arm_drake.controllers.topics import Inbox
 from arm_drake.description.gazebo_plugins import (
     OdometryPublisher as OdometryPublisherTag,
@@ -82,8 +82,7 @@ class OdometryPublisher(BasePlugin[OdometryPublisherState]):
         self, tag: OdometryPublisherTag, params: ControllerInterfaceParams
     ) -> None:
         """Create the system."""
-        rate, model = tag.odom_publish_frequency, params.robot_name
-        self._period_ns = publish_period_ns(rate)
+        self._rate, model = tag.odom_publish_frequency, params.robot_name
         self._is_flat = tag.dimensions == 2
         xyz, rpy = (v or (0.0,) * 3 for v in (tag.xyz_offset, tag.rpy_offset))
         self._X_LF = RigidTransform(RollPitchYaw(list(rpy)), list(xyz))
@@ -116,8 +115,7 @@ class OdometryPublisher(BasePlugin[OdometryPublisherState]):
         pose = poses[0] @ self._X_LF
         last, state = state.pose, state._replace(pose=pose)
         elapsed_ns = now.time_ns - state.published_ns
-        # Times of ticks are cut to whole nanoseconds.
-        if last is None or 0 < elapsed_ns < self._period_ns - 1:
+        if last is None or (elapsed_ns and is_early(elapsed_ns, self._rate)):
             return state
         twist = self._find_twist(last, pose, now.period_ns / NANOSECONDS)
         message = self._describe(now.time_ns, pose, twist)

@@ -18,7 +18,7 @@ from arm_drake.controllers.gazebo.drive import ClassicController
 from arm_drake.controllers.gazebo.plugin import (
     as_topic,
     find_twist_fault,
-    publish_period_ns,
+    is_early,
 )
 from arm_drake.controllers.topics import Inbox, TopicController
 from arm_drake.description.gazebo_plugins import (
@@ -175,14 +175,13 @@ class GazeboRosPlanarMove(ClassicController[PlanarMoveState]):
     tick. A message with a number that isn't finite is dropped, which Gazebo takes.
     """
 
+    _tag: GazeboRosPlanarMoveTag
     moves_sideways = True
 
     def __init__(
         self, tag: GazeboRosPlanarMoveTag, params: ControllerInterfaceParams
     ) -> None:
         """Create the system."""
-        self._update_ns = publish_period_ns(tag.update_rate)
-        self._publish_ns = publish_period_ns(tag.publish_rate)
         super().__init__(tag, params, PlanarMoveState(np.zeros(0)))
         self._declare_topic(interfaces.TWIST_PORT, lambda state: state.held)
         self._declare_outputs()
@@ -190,8 +189,7 @@ class GazeboRosPlanarMove(ClassicController[PlanarMoveState]):
     def _update(self, now: UpdateContext, state: PlanarMoveState) -> PlanarMoveState:
         state = self._receive(now, state)
         state = self._publish(now, state)
-        # Times of ticks are cut to whole nanoseconds.
-        if now.time_ns - state.last_ns < self._update_ns - 1:
+        if is_early(now.time_ns - state.last_ns, self._tag.update_rate):
             return state._replace(held=None)
         return state._replace(held=state.target, last_ns=now.time_ns)
 
@@ -201,7 +199,7 @@ class GazeboRosPlanarMove(ClassicController[PlanarMoveState]):
             return state
         [pose] = poses
         last, state = state.truth or pose, state._replace(truth=pose)
-        if now.time_ns - state.published_ns < self._publish_ns - 1:
+        if is_early(now.time_ns - state.published_ns, self._tag.publish_rate):
             return state
         dt = now.period_ns / NANOSECONDS
         message = self._describe_base(now.time_ns, last, pose, dt)

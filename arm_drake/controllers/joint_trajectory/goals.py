@@ -25,7 +25,12 @@ import numpy as np
 
 from arm_drake.arrays import Array
 from arm_drake.control.action_goals import ActiveGoal, answer_cancel
-from arm_drake.control.tolerances import StateTolerances, exceeds, resolve_tolerances
+from arm_drake.control.tolerances import (
+    EPSILON,
+    StateTolerances,
+    exceeds,
+    resolve_tolerances,
+)
 from arm_drake.control.trajectory import (
     Sample,
     StateBefore,
@@ -37,7 +42,6 @@ from arm_drake.control.trajectory import (
 )
 from arm_drake.controllers.cycles import with_field
 from arm_drake.controllers.joint_trajectory.state import (
-    EPSILON,
     Deceleration,
     JointTrajectoryRules,
     JointTrajectoryState,

@@ -15,14 +15,14 @@ import functools
 import math
 from collections import Counter
 from collections.abc import Callable, Collection
-from typing import Final, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from arm_drake.arrays import Array, Mask
 from arm_drake.control.action_goals import ActiveGoal
 from arm_drake.control.pid import Pid, PidState
-from arm_drake.control.tolerances import Tolerances
+from arm_drake.control.tolerances import EPSILON, Tolerances
 from arm_drake.control.trajectory import Interpolation, Sample, StateBefore, Trajectory
 from arm_drake.controllers.topics import Event
 from arm_drake.errors import suggest
@@ -43,9 +43,6 @@ from arm_drake.messages import (
     Time,
 )
 from arm_drake.messages.base import append_events, make_lazy
-
-# A velocity below this counts as zero: epsilon of a 32-bit float.
-EPSILON: Final = float(np.finfo(np.float32).eps)
 
 
 @dataclass(frozen=True)
