@@ -4,13 +4,7 @@
 # ruff: isort: skip_file
 
 from arm_drake import testing as testing
-from arm_drake.batch import (
-    Outcome as Outcome,
-    Run as Run,
-    RunError as RunError,
-    RunResult as RunResult,
-    RunResults as RunResults,
-    RunsInterrupted as RunsInterrupted,
+from arm_drake.batch.api import (
     iterate_many as iterate_many,
     run_many as run_many,
 )
@@ -20,6 +14,14 @@ from arm_drake.batch.linear_model import (
     Pole as Pole,
 )
 from arm_drake.batch.linearization import linearize as linearize
+from arm_drake.batch.processes import RunError as RunError
+from arm_drake.batch.runs import (
+    Outcome as Outcome,
+    Run as Run,
+    RunResult as RunResult,
+    RunResults as RunResults,
+    RunsInterrupted as RunsInterrupted,
+)
 from arm_drake.batch.statistics import (
     Interval as Interval,
     mean_interval as mean_interval,

@@ -9,6 +9,10 @@ from numpy.typing import NDArray
 # Numbers of any shape; docstrings say which.
 Array = NDArray[np.float64]
 
+# What is true of elements, and places of elements.
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+
 
 def clamp(values: Array, low: Array, high: Array) -> Array:
     """Return values within limits; numpy's clip does the same, slower."""

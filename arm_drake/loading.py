@@ -17,23 +17,35 @@ from arm_drake.description.bridge import (
     remapped_topics,
     split_bridges,
 )
-from arm_drake.description.claimed_hardware import hardware_from_controllers
+from arm_drake.description.claimed_hardware import (
+    WHEEL_PARAMETERS,
+    hardware_from_controllers,
+)
 from arm_drake.description.control_files import default_controllers, find_control_files
 from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.controllers import (
     load_controllers as load_controllers_config,
 )
 from arm_drake.description.drive_gains import gazebo_nodes
-from arm_drake.description.entry import TEXT, Source, check_text, find_entry, is_xml
+from arm_drake.description.elements import declare_prefixes
+from arm_drake.description.entry import (
+    TEXT,
+    Source,
+    check_text,
+    find_entry,
+    is_xml,
+    listed,
+)
 from arm_drake.description.gazebo_plugins import ApplyJointForce, Ros2ControlPlugin
 from arm_drake.description.inertia import repair_free_base
 from arm_drake.description.initial_positions import find_initial_positions
 from arm_drake.description.joints import WORLD
+from arm_drake.description.links import Pose
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.parameters import DISTROS
 from arm_drake.description.plugin_control import add_plugins, plugin_joints
 from arm_drake.description.report import LoadReport, Places
-from arm_drake.description.robot import Pose, Robot
+from arm_drake.description.robot import Robot
 from arm_drake.description.sdf import convert_sdf, is_sdf
 from arm_drake.description.sensors import add_gazebo_sensors, find_sensors
 from arm_drake.description.source_files import find_source_files
@@ -62,19 +74,8 @@ _DISTRO_ALIASES = {
 _MODELLED_DISTRO = "jazzy"
 
 
-# What drives a mobile robot's base: controllers and Gazebo plugins.
-BASE_CONTROLLERS = frozenset(
-    {
-        "ackermann_steering_controller/AckermannSteeringController",
-        "bicycle_steering_controller/BicycleSteeringController",
-        "diff_drive_controller/DiffDriveController",
-        "mecanum_drive_controller/MecanumDriveController",
-        "omni_wheel_drive_controller/OmniWheelDriveController",
-        "tricycle_controller/TricycleController",
-        "tricycle_steering_controller/TricycleSteeringController",
-    }
-)
-BASE_PLUGINS = re.compile(
+# Gazebo plugins that drive a mobile robot's base.
+_BASE_PLUGINS = re.compile(
     r"(ackermann|diff|mecanum|skid|tricycle|omni)[\w-]*(drive|steer)|planar_?move"
     r"|velocity-control-system|::VelocityControl\b",
     re.I,
@@ -147,17 +148,11 @@ def _load(
     arguments: Mapping[str, Any], controller_types: Mapping[str, ControllerType] | None
 ) -> Robot:
     """Load by the arguments of `load_robot`, stage by stage."""
-    arguments = _check_types(arguments)
-    folders, distro, name = (
-        arguments["package_paths"],
-        arguments["distro"],
-        arguments["name"],
-    )
-    loading = _start(arguments["source"], folders, distro, name, controller_types)
-    description = _read_description(loading, arguments)
-    bridges, config = _read_controllers(loading, description, arguments)
+    loading = _start(_check_types(arguments), controller_types)
+    description = _read_description(loading)
+    bridges, config = _read_controllers(loading, description)
     description, config = _complete(loading, description, config)
-    robot = _make_robot(loading, description, config, bridges, arguments)
+    robot = _make_robot(loading, description, config, bridges)
     _try(loading, robot)
     if arguments["strict"] and len(robot.report):
         raise InputError(f"not everything was taken as written:\n{robot.report}")
@@ -210,6 +205,9 @@ def _check_types(arguments: Mapping[str, Any]) -> dict[str, Any]:
 class _Loading(NamedTuple):
     """What is loaded, and how; its report and its files grow."""
 
+    # Those of `load_robot`, paths in tuples.
+    arguments: Mapping[str, Any]
+
     # The file that is read first, and the name of the bundled robot if it is one. Of a
     # text it is what messages call it.
     entry: Path
@@ -220,8 +218,8 @@ class _Loading(NamedTuple):
     folders: tuple[Path, ...]
     packages: PackageFinder
 
+    # Known to us, such as jazzy.
     distro: str
-    name: str | None
     types: Mapping[str, ControllerType]
     report: LoadReport
 
@@ -231,21 +229,16 @@ class _Loading(NamedTuple):
 
 
 def _start(
-    source: Source,
-    package_paths: Source | Sequence[Source],
-    distro: str,
-    name: str | None,
-    controller_types: Mapping[str, ControllerType] | None,
+    arguments: Mapping[str, Any], controller_types: Mapping[str, ControllerType] | None
 ) -> _Loading:
     """Return what is to be loaded, after a check of what can be told already."""
+    source, name = arguments["source"], arguments["name"]
     if name is not None and (not name or "/" in name):
         raise InputError(f"name {name!r}: expected a name without '/'")
-    if isinstance(package_paths, str | os.PathLike):
-        package_paths = [package_paths]
     types = check_controller_types(controller_types or {})
     report = LoadReport()
-    distro = _check_distro(distro, report)
-    folders = tuple(_existing_folder(path) for path in package_paths)
+    distro = _check_distro(arguments["distro"], report)
+    folders = _check_folders(arguments["package_paths"])
     text = source if isinstance(source, str) and is_xml(source) else None
     if text is None:
         entry, bundled = find_entry(source)
@@ -253,13 +246,13 @@ def _start(
         entry, bundled = next(iter(folders), Path.cwd()) / TEXT, None
     packages = PackageFinder(entry, folders, report)
     return _Loading(
+        arguments,
         entry,
         text,
         bundled,
         folders,
         packages,
         distro,
-        name,
         types,
         report,
         files=set(),
@@ -267,11 +260,10 @@ def _start(
     )
 
 
-def _read_description(
-    loading: _Loading, arguments: Mapping[str, Any]
-) -> RobotDescription:
+def _read_description(loading: _Loading) -> RobotDescription:
     """Return the robot that the entry file describes."""
     entry, packages, report = loading.entry, loading.packages, loading.report
+    arguments = loading.arguments
     xacro_args, text = dict(arguments["xacro_args"] or {}), loading.text
     if text is None:
         text = expand_xacro(
@@ -314,19 +306,18 @@ def as_urdf(text: str, file: Path, folders: Sequence[Path], report: LoadReport) 
         DescriptionError: If it is SDF that describes no robot.
     """
     if not is_sdf(text):
-        return text
+        return declare_prefixes(text)
     from arm_drake.worlds.sdf_files import ModelFinder  # Few robots are SDF.
 
     return convert_sdf(text, file, report, ModelFinder(file, folders).find_file)
 
 
 def _read_controllers(
-    loading: _Loading,
-    description: RobotDescription,
-    arguments: Mapping[str, Any],
+    loading: _Loading, description: RobotDescription
 ) -> tuple[Sequence[Path], ControllerManagerConfig]:
     """Return the YAML files of bridges, and what those of controllers configure."""
     bundled, packages, report = loading.bundled, loading.packages, loading.report
+    arguments = loading.arguments
     bridges, controllers = split_bridges(arguments["controllers"])
     bridges = bridges or find_bridge_files(description, packages, bundled, report)
     files = find_control_files(controllers, description, packages, bundled, report)
@@ -381,12 +372,11 @@ def _make_robot(
     description: RobotDescription,
     config: ControllerManagerConfig,
     bridges: Sequence[Path],
-    arguments: Mapping[str, Any],
 ) -> Robot:
     """Return the robot of a description, of controllers and load_robot's arguments."""
-    report = loading.report
+    report, arguments = loading.report, loading.arguments
     return Robot(
-        name=loading.name or description.name,
+        name=arguments["name"] or description.name,
         description=description,
         controllers=config,
         report=report,
@@ -440,7 +430,7 @@ def _has_free_base(
     """Return whether something drives the base, and no joint holds it in the world."""
     if any(joint.parent == WORLD for joint in description.joints):
         return False
-    is_driven = any(c.type in BASE_CONTROLLERS for c in config.controllers)
+    is_driven = any(c.type in WHEEL_PARAMETERS for c in config.controllers)
     is_driven |= any(base.driven for base in find_bases(description, config))
     pushed = {
         name
@@ -453,7 +443,7 @@ def _has_free_base(
         for joint in description.joints
     )
     return is_driven or any(
-        BASE_PLUGINS.search(f"{plugin.filename} {plugin.name}")
+        _BASE_PLUGINS.search(f"{plugin.filename} {plugin.name}")
         for plugin in description.gazebo_plugins
     )
 
@@ -475,18 +465,19 @@ def _check_distro(distro: str, report: LoadReport) -> str:
 def _check_srdf(sources: Source | Sequence[Source] | None) -> tuple[Path, ...] | None:
     if sources is None:
         return None
-    files = [sources] if isinstance(sources, str | os.PathLike) else sources
-    for file in map(Path, files):
+    files = tuple(listed(sources))
+    for file in files:
         if not file.is_file():
             raise InputError("no such SRDF file", file=file)
-    return tuple(map(Path, files))
+    return files
 
 
-def _existing_folder(path: Source) -> Path:
-    folder = Path(path)
-    if not folder.is_dir():
-        raise InputError("no such folder; expected one to search", file=folder)
-    return folder
+def _check_folders(sources: Source | Sequence[Source]) -> tuple[Path, ...]:
+    folders = tuple(listed(sources))
+    for folder in folders:
+        if not folder.is_dir():
+            raise InputError("no such folder; expected one to search", file=folder)
+    return folders
 
 
 def _check_pose(pose: Sequence[float] | None) -> Pose | None:

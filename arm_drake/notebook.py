@@ -18,7 +18,7 @@ import threading
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
@@ -107,16 +107,6 @@ def page_in_a_cell(url: str) -> str:
 
 
 T = TypeVar("T")
-
-
-class Runner(Protocol):
-    """What uses a page: a RobotViewer, a LiveSimulation."""
-
-    def run(self) -> None:
-        """Do what is clicked until it is stopped."""
-
-    def stop(self) -> None:
-        """End `run`."""
 
 
 class _Workers:

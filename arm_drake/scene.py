@@ -22,13 +22,13 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self, TypeVar
 
 import yaml
-from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context
 
 from arm_drake import yaml_files
 from arm_drake.description.entry import EXAMPLE, bundled_motions, bundled_robots, is_xml
-from arm_drake.description.robot import Pose, Robot, list_robots
+from arm_drake.description.links import Pose
+from arm_drake.description.robot import Robot, list_robots
 from arm_drake.errors import InputError, suggest
 from arm_drake.importing import dataclass
 from arm_drake.loading import load_robot
@@ -36,6 +36,7 @@ from arm_drake.messages import SwitchController
 from arm_drake.options import SimulationOptions
 from arm_drake.output_files import writing
 from arm_drake.plant.payloads import Payload, Payloads, check_link, read_payload
+from arm_drake.plant.plant import pose_of
 from arm_drake.simulation.motion import (
     Motion,
     MotionStep,
@@ -232,7 +233,7 @@ def _robot_at(robot: Robot, simulation: Simulation) -> Robot:
     pose = robot.pose
     if robot.has_free_base:
         base = robot.description.base
-        pose = options["pose"] = _pose_of(simulation.link_poses(robot.name)[base])
+        pose = options["pose"] = pose_of(simulation.link_poses(robot.name)[base])
     return dc.replace(robot, initial_positions=now, pose=pose, load_options=options)
 
 
@@ -241,13 +242,7 @@ def _thing_at(thing: Thing, plant: MultibodyPlant, context: Context) -> Thing:
         return thing
     model = plant.GetModelInstanceByName(thing.name)
     body = plant.GetBodyByName(thing.name, model)
-    return dc.replace(thing, pose=_pose_of(plant.EvalBodyPoseInWorld(context, body)))
-
-
-def _pose_of(X_WB: RigidTransform) -> Pose:
-    x, y, z = map(float, X_WB.translation())
-    roll, pitch, yaw = map(float, RollPitchYaw(X_WB.rotation()).vector())
-    return (x, y, z, roll, pitch, yaw)
+    return dc.replace(thing, pose=pose_of(plant.EvalBodyPoseInWorld(context, body)))
 
 
 def _address(motion: Motion, step: MotionStep, prefix: str) -> MotionStep:

@@ -87,6 +87,9 @@ class AdmittanceRule(Message):
     damping_ratio: Array
     stiffness: Array
 
+    # Whether the mass is given along and about the axes of C, too, not of B.
+    is_mass_in_control_frame: bool
+
     # Damping of the joints' own velocities [1/s].
     joint_damping: float
 
@@ -119,6 +122,9 @@ class AdmittanceRule(Message):
 
             M X'' = s F - D X' - K X,    q'' = J+ X'' - joint_damping q'
 
+        Where the mass isn't given in C, the first equation is turned into B before it
+        is divided by M.
+
         An admittance that is too stiff for its period grows until nothing of it is
         finite.
 
@@ -131,7 +137,11 @@ class AdmittanceRule(Message):
             F = np.where(self.selected_axes, _rotate(R_BC.T, wrench_B), 0.0)
             X, X_dot = (_rotate(R_BC.T, x) for x in (frames.displacement, state.twist))
             force = F - self.damping * X_dot - self.stiffness * X
-            requested = self._invert(J, _rotate(R_BC, force / self.mass))
+            if self.is_mass_in_control_frame:
+                twist_rate = _rotate(R_BC, force / self.mass)
+            else:
+                twist_rate = _rotate(R_BC, force) / self.mass
+            requested = self._invert(J, twist_rate)
             acceleration = requested - self.joint_damping * state.velocity
             velocity = state.velocity + acceleration * period
             position = state.position + velocity * period

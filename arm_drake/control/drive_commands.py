@@ -13,15 +13,11 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_drake import interfaces
-from arm_drake.arrays import Array
+from arm_drake.arrays import Array, Indices, Mask
 from arm_drake.importing import dataclass
 from arm_drake.messages import Message
-
-Mask = NDArray[np.bool_]
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,9 +52,6 @@ class DriveMode(Message):
 
     # Rate of the controller that commands the joint [Hz], shape (n,).
     rate: Array
-
-    # Whether all joints follow positions and nothing else is claimed.
-    is_plain: bool
 
     # Of each joint: where its position stands among the values, -1 if it follows none,
     # and its rate [Hz]. What is few is quicker in plain numbers than in numpy.
@@ -133,19 +126,14 @@ class DriveCommands:
         holds: bool = True,
         stops: tuple[Array, Array] | None = None,
     ) -> None:
-        """Create the map.
+        """Create the map of n joints with actuators; `order` names command interfaces.
 
-        Args:
-            joints: The n joints that have an actuator.
-            order: Names of the command interfaces, such as "joint1/position".
-            velocity_lead: How far ahead of a moving joint the position is to which it
-                moves on its own [s], shape (n,) or for all.
-            has_modes: Whether a joint may follow anything else than positions.
-            has_limits: Whether effort and velocity may be limited at run time.
-            holds: Whether joints that nobody commands hold their position.
-            stops: Lowest and highest positions that joints can reach, shapes (n,): a
-                drive that is sent beyond would push with all that it has, and its
-                robot would have nothing left for the other joints. None: no stops.
+        `velocity_lead` is how far ahead of a moving joint the position is to which it
+        moves on its own [s]; with `has_modes` joints may follow anything else than
+        positions, with `has_limits` effort and velocity may be limited at run time,
+        and what nobody commands `holds` its position. `stops` are the lowest and the
+        highest positions, shapes (n,): a drive that is sent beyond would push with all
+        that it has, and its robot would have nothing left for the other joints.
         """
         self._stops = stops
         self.joints = tuple(joints)
@@ -225,9 +213,6 @@ class DriveCommands:
             effort_limit_at=effort_limit_at,
             velocity_limit_at=velocity_limit_at,
             rate=np.array(rates),
-            is_plain=bool(
-                position.all() and not (velocity | acceleration | effort).any()
-            ),
         )
 
     def _find_limits(self, limits: Mapping[str, str], kind: str) -> Indices:
@@ -379,38 +364,27 @@ class DriveCommands:
         skipped: Mask | None,
     ) -> Array:
         """Return the drive vector where joints start, are skipped or have limits."""
-        n = len(self.joints)
-        q = self._stop(np.where(mode.is_position, values[mode.position_at], last[:n]))
-        rate, before = (q - last[:n]) * mode.rate, last[len(last) - n :]
+        n, before = len(self.joints), last[len(last) - len(self.joints) :]
+        told, rates = self.go_on(
+            mode, values.tolist(), last[:n].tolist(), before.tolist()
+        )
+        servo_input, rate = np.array(told), np.array(rates)
+        # The velocities that aren't commanded, but follow from positions.
+        v, follows = servo_input[n : 2 * n], np.ones(n, dtype=bool)
+        if self.has_modes:
+            follows = ~(mode.is_guided | mode.is_velocity)
         if fresh is not None:
             rate[fresh] = 0.0
-        most = _GROWTH * np.abs(before)
-        v = np.where(rate * before > 0.0, np.clip(rate, -most, most), 0.0)
+            v[fresh & follows] = 0.0
         if skipped is not None:
             rate[skipped] = before[skipped]
-            v[skipped] = last[n : 2 * n][skipped]
+            at = skipped & follows
+            v[at] = last[n : 2 * n][at]
         limits = self._no_limits
         if self.has_limits:
-            at = np.concatenate([mode.effort_limit_at, mode.velocity_limit_at])
-            limits = np.where(at < 0, 0.0, np.abs(values[at]))
-        if mode.is_plain or not self.has_modes:
-            return np.concatenate((q, v, self._zeros, limits, rate))
-        follows_velocity = mode.is_guided | mode.is_velocity
-        adds_acceleration = mode.is_acceleration | mode.is_accelerated
-        adds_effort = mode.is_effort | mode.is_pushed
-        return np.concatenate(
-            (
-                q,
-                np.where(follows_velocity, values[mode.velocity_at], v),
-                np.where(adds_acceleration, values[mode.acceleration_at], 0.0),
-                np.where(adds_effort, values[mode.effort_at], 0.0),
-                mode.is_velocity,
-                mode.is_acceleration,
-                mode.is_effort | mode.is_idle,
-                limits,
-                rate,
-            )
-        )
+            places = np.concatenate([mode.effort_limit_at, mode.velocity_limit_at])
+            limits = np.where(places < 0, 0.0, np.abs(values[places]))
+        return np.concatenate((servo_input, limits, rate))
 
 
 def _shift(rows: Array, first: Sequence[float]) -> Array:

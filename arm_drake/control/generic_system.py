@@ -14,9 +14,8 @@ from math import isfinite, nan
 from typing import Final, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from arm_drake.arrays import Array
+from arm_drake.arrays import Array, Indices, Mask
 from arm_drake.description.elements import parse_bool, parse_number
 from arm_drake.description.joints import JointInfo, last_master
 from arm_drake.description.ros2_control import (
@@ -112,8 +111,6 @@ def _error(block: HardwareInfo, name: str, problem: str) -> DescriptionError:
     return DescriptionError(problem, where=where)
 
 
-Indices = NDArray[np.intp]
-
 # Place of what isn't there.
 _ABSENT: Final = -1
 
@@ -135,7 +132,7 @@ class MirrorLayout(NamedTuple):
     offsets: Array
 
     # Whether a command must not be infinite.
-    is_checked: NDArray[np.bool_]
+    is_checked: Mask
 
     # Places of states that are 0 or 1.
     bools: Indices

@@ -15,9 +15,8 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Final, Literal, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from arm_drake.arrays import Array, clamp
+from arm_drake.arrays import Array, Mask, clamp
 from arm_drake.description.parameters import ParameterGroup, Rule, check_finite
 from arm_drake.importing import dataclass
 from arm_drake.messages import Message
@@ -66,8 +65,6 @@ def time_constant(gains: Any) -> float:
         return p / i
     return math.sqrt(d / i) if d / i >= 0.0 else math.nan
 
-
-Mask = NDArray[np.bool_]
 
 _ARRAYS: Final = (
     *("p", "i", "d", "u_clamp_max", "u_clamp_min", "i_clamp_max", "i_clamp_min"),

@@ -7,12 +7,10 @@ sampled position error are both at z, so a step settles in 5.83 / w0 at every h.
 
 import dataclasses as dc
 import math
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from arm_drake.arrays import Array
+from arm_drake.arrays import Array, Indices, Mask
 from arm_drake.importing import dataclass
 
 # Correlation of inertias above which joints push each other about.
@@ -23,7 +21,7 @@ _ROUNDS = 200
 _EXCESS = 1.01
 
 
-def find_groups(masses: Array) -> NDArray[np.intp]:
+def find_groups(masses: Array) -> Indices:
     """Return the number of the group of each joint, shape (n,).
 
     Joints of a group push each other about when they accelerate.
@@ -34,7 +32,7 @@ def find_groups(masses: Array) -> NDArray[np.intp]:
     for i, j in np.argwhere(correlation > _COUPLED):
         if group[i] != group[j]:
             group[group == group[j]] = group[i]
-    numbers: NDArray[np.intp] = np.unique(group, return_inverse=True)[1]
+    numbers: Indices = np.unique(group, return_inverse=True)[1]
     return numbers
 
 
@@ -128,7 +126,7 @@ class DriveLimits:
     velocity: Array
 
     # Which joints are prismatic, with N and m instead, shape (n,).
-    is_prismatic: NDArray[np.bool_]
+    is_prismatic: Mask
 
     # Positions between their stops [rad], shape (n,).
     lower: Array
@@ -179,11 +177,11 @@ class ServoGains:
     effort_limit: Array
 
     # Whether a joint has a limit, and one above its own weight.
-    is_strong: NDArray[np.bool_]
+    is_strong: Mask
 
     # Number of the group of joints that a joint is in: those that push each other about
     # and wait for each other.
-    group: NDArray[np.intp]
+    group: Indices
 
     # Part of the command of the step before in what the servo follows. With it a joint
     # is where the ideal drive would be in continuous time, whatever the step.
@@ -292,29 +290,18 @@ def compute_servo_gains(
     )
 
 
-class _Efforts(NamedTuple):
-    """Efforts of n joints, shape (n,) each."""
-
-    # The greatest ones, also where there is no limit, and what is left beside gravity.
-    greatest: Array
-    spare: Array
-
-    # Whether it overcomes gravity and friction well, and whether not even friction.
-    is_strong: NDArray[np.bool_]
-    is_stuck: NDArray[np.bool_]
-
-
 def _find_efforts(
     limit: Array, unlimited: Array, gravity: Array, friction: Array | float
-) -> _Efforts:
-    """Return the efforts of joints; the second argument is of those without a limit.
+) -> tuple[Array, Array, Mask, Mask]:
+    """Return the greatest efforts, and those that are left beside gravity, (n,) each.
 
-    What can't overcome its dry friction [N·m] has no observer, for that would learn of
-    it without end, and asks for little.
+    Also whether they overcome gravity and friction well, and whether not even friction:
+    then there is no observer, which would learn of it without end. `unlimited` is of
+    joints without a limit.
     """
     is_stuck = limit <= friction
     spare = np.maximum(limit - gravity, 0.1 * limit)
-    return _Efforts(
+    return (
         np.where(np.isfinite(limit), limit, 2.0 * (gravity + unlimited)),
         np.where(is_stuck, 0.1 * limit, spare),
         limit > gravity + _MUCH_FRICTION * friction,

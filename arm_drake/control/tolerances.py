@@ -11,14 +11,11 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from arm_drake.arrays import Array
+from arm_drake.arrays import Array, Mask
 from arm_drake.errors import suggest
 from arm_drake.importing import dataclass
 from arm_drake.messages import FollowJointTrajectoryGoal, JointTolerance, Message
-
-Mask = NDArray[np.bool_]
 
 # In a goal, this value takes a tolerance away.
 _ERASE = -1.0

@@ -23,6 +23,7 @@ from arm_drake.control.admittance import (
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import (
+    ALWAYS,
     CHAINED,
     INACTIVE,
     Inbox,
@@ -147,7 +148,8 @@ class Admittance:
     # Whether it gives way.
     selected_axes: tuple[bool, ...]
 
-    # Mass [kg] and inertia [kg·m^2], in [1e-4, 1e6].
+    # Mass [kg] and inertia [kg·m^2], in [1e-4, 1e6]; before rolling along and about the
+    # axes of kinematics.base, then as all else those of the control frame.
     mass: tuple[float, ...]
 
     # Damping D of mass M and stiffness K as D / (2 sqrt(M K)).
@@ -253,7 +255,7 @@ class AdmittanceSetup(NamedTuple):
 
 
 def make_setup(
-    parameters: AdmittanceControllerParameters, links: Collection[str]
+    parameters: AdmittanceControllerParameters, links: Collection[str], distro: str
 ) -> AdmittanceSetup:
     """Return what parameters set."""
     for name in _LINKS:
@@ -268,6 +270,8 @@ def make_setup(
         mass=np.array(law.mass),
         damping_ratio=np.array(law.damping_ratio),
         stiffness=np.array(law.stiffness),
+        # Source: ros2_controllers, pull request 1139 of 2026, which only master has.
+        is_mass_in_control_frame=distro == "rolling",
         joint_damping=law.joint_damping,
         alpha=parameters.kinematics.alpha,
         filter_coefficient=parameters.ft_sensor.filter_coefficient,
@@ -371,7 +375,7 @@ def make_status(tick: AdmittanceTick) -> AdmittanceControllerState:
         rot_base_control=_orientation(frames.R_BC),
         ref_trans_base_ft=TransformStamped(
             header,
-            "ft_reference",
+            setup.sensor,
             Transform(
                 Vector3(*tick.X_BR[:3, 3].tolist()), _orientation(tick.X_BR[:3, :3])
             ),
@@ -472,7 +476,7 @@ class AdmittanceController(TopicController[AdmittanceControllerSystemState]):
     ) -> None:
         """Create the system."""
         joints, name = parameters.joints, params.controller_name
-        setup = make_setup(parameters, params.links)
+        setup = make_setup(parameters, params.links, params.distro)
         self._kinematics = make_kinematics(parameters, params)
         n = len(joints)
         self._nothing = np.full((3, n), np.nan)
@@ -506,7 +510,9 @@ class AdmittanceController(TopicController[AdmittanceControllerSystemState]):
         self._referred = [_COMMANDS.index(c) for c in references]
         self._measured_rows = [_COMMANDS.index(c) for c in parameters.state_interfaces]
         self._subscribe("joint_references", JointTrajectoryPoint, self._take_point)
-        self._subscribe("wrench_reference", WrenchStamped, self._take_wrench)
+        self._subscribe(
+            "wrench_reference", WrenchStamped, self._take_wrench, despite=ALWAYS
+        )
         self._subscribe_parameters(self._take_parameters)
         self._declare_topic("status", self._describe)
         self._declare_events()
@@ -553,10 +559,9 @@ class AdmittanceController(TopicController[AdmittanceControllerSystemState]):
         state: AdmittanceControllerSystemState,
         message: JointTrajectoryPoint,
         time_ns: int,
-        obstacle: str,
     ) -> tuple[AdmittanceControllerSystemState, str]:
         """Return the state with references."""
-        fault = obstacle or _find_fault(message, state.setup.parameters.joints)
+        fault = _find_fault(message, state.setup.parameters.joints)
         if fault:
             return state, fault
         requested = self._nothing if state.requested is None else state.requested
@@ -572,9 +577,8 @@ class AdmittanceController(TopicController[AdmittanceControllerSystemState]):
         state: AdmittanceControllerSystemState,
         message: WrenchStamped,
         time_ns: int,
-        obstacle: str,
     ) -> tuple[AdmittanceControllerSystemState, str]:
-        """Return the state with what is added to measured wrenches, at any time."""
+        """Return the state with what is added to measured wrenches."""
         frame, sensor = message.header.frame_id, state.setup.sensor
         if frame not in ("", sensor):
             return state, (
@@ -590,7 +594,7 @@ class AdmittanceController(TopicController[AdmittanceControllerSystemState]):
     ) -> AdmittanceControllerSystemState:
         """Return the state with parameters, in effect now or after the activation."""
         parameters = check_change(state.accepted.parameters, new, _READ_ONLY)
-        accepted = make_setup(parameters, self.params.links)
+        accepted = make_setup(parameters, self.params.links, self.params.distro)
         present = state.setup.parameters
         takes_changes = present.enable_parameter_update_without_reactivation
         setup = accepted if takes_changes or obstacle == INACTIVE else state.setup

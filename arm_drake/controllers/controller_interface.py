@@ -13,6 +13,7 @@ import inspect
 import textwrap
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -38,7 +39,7 @@ from arm_drake.controllers.cycles import (
 )
 from arm_drake.errors import InputError
 from arm_drake.importing import dataclass
-from arm_drake.messages import NANOSECONDS
+from arm_drake.messages import NANOSECONDS, Message
 from arm_drake.python_system import PythonSystem
 from arm_drake.timing import cycle_at, has_rate
 
@@ -124,6 +125,9 @@ class ControllerInterface(PythonSystem):
 
     is_sampled = False
 
+    # Messages of its topics, by port, where it says so.
+    message_types: Mapping[str, type[Message]] = MappingProxyType({})
+
     def __init__(
         self,
         params: ControllerInterfaceParams,
@@ -173,8 +177,9 @@ class ControllerInterface(PythonSystem):
         self._exporters: list[tuple[_ReadExports, list[int], list[int]]] = []
         self._missing = dict.fromkeys(n for n in state_interfaces if n not in order)
         # Of those that are measured: where they go, and where they stand.
-        self._target_indices = [i for i, n in enumerate(state_interfaces) if n in order]
-        self._source_indices = [order[n] for n in state_interfaces if n in order]
+        self._target_indices, self._source_indices = _match(
+            state_interfaces, params.measured
+        )
         # What to index with if all are measured.
         self._read_at: slice | list[int] | None = None
         if not self._missing:
@@ -191,11 +196,7 @@ class ControllerInterface(PythonSystem):
         return port
 
     def add_exporter(self, controller: "ControllerInterface") -> InputPort:
-        """Declare the port of what a controller's last tick has exported.
-
-        Args:
-            controller: One whose exported interfaces are among the state interfaces.
-        """
+        """Declare the port of what a controller's last tick has exported."""
         names = controller.exported_interfaces
         name = f"{interfaces.EXPORT_PORT}:{controller.params.controller_name}"
         port = self.DeclareVectorInputPort(name, len(names))
@@ -204,11 +205,7 @@ class ControllerInterface(PythonSystem):
 
     def _read_exports(self, names: tuple[str, ...], read: _ReadExports) -> None:
         """Take state interfaces from another controller; `read` has this order."""
-        target_indices = [
-            i for i, name in enumerate(self.state_interfaces) if name in names
-        ]
-        source_indices = [names.index(self.state_interfaces[i]) for i in target_indices]
-        self._exporters.append((read, target_indices, source_indices))
+        self._exporters.append((read, *_match(self.state_interfaces, names)))
         for name in names:
             self._missing.pop(name, None)
 
@@ -236,7 +233,6 @@ class ControllerInterface(PythonSystem):
 
     def find_lasting_fault(self, context: Context, message: object) -> str:
         """Return why it refuses a message whenever it comes; "" if it needn't."""
-        del context, message
         return ""
 
     def find_look(self, port: str) -> Look | None:
@@ -258,6 +254,20 @@ class ControllerInterface(PythonSystem):
     def _tick_time(self, number: int) -> int:
         """Return the time of a tick [ns]."""
         return number * NANOSECONDS // self.params.update_rate
+
+    def _time_ns(self, context: Context) -> int:
+        """Return the time of the tick of this instant [ns]."""
+        if self._manager.HasValue(context):
+            cycle: Cycle = self._manager.Eval(context)
+            return cycle.time_ns
+        return self._tick_time(cycle_at(context.get_time(), self.params.period) or 0)
+
+
+def _match(names: Sequence[str], others: Sequence[str]) -> tuple[list[int], list[int]]:
+    """Return where names stand that are among others, and their places there."""
+    order = {name: index for index, name in reversed(list(enumerate(others)))}
+    at = [index for index, name in enumerate(names) if name in order]
+    return at, [order[names[index]] for index in at]
 
 
 def _as_slice(at: list[int]) -> slice | list[int]:
@@ -344,14 +354,62 @@ class OwnTicks(KeptTicks[S]):
         return number * NANOSECONDS // self._update_rate
 
 
-class TickReader(ControllerInterface, Generic[S]):
-    """Base of controllers that tick: measurements, commands, references, last tick."""
+_NO_COMMAND: Array = np.empty(0)
+
+
+class TickingController(ControllerInterface, Generic[S]):
+    """Base of controllers with an immutable state of type S, renewed at every tick.
+
+    A subclass implements `_update`, and what else it needs of `_activate`,
+    `_deactivate`, `_idle`, `_command` and `_is_ok`. It declares its further ports;
+    outputs depend on the state alone and show what the last tick left behind.
+    Without a manager on its port a controller is always active. Of the table of ports
+    in its documentation Drake's block of ports is made.
+    """
+
+    def __init_subclass__(cls, **more: Any) -> None:
+        """Add the block of ports to the documentation."""
+        super().__init_subclass__(**more)
+        cls.__doc__ = _document_ports(cls)
+
+    # Whether all that it reads while `UpdateContext.is_quiet` goes through
+    # `_measured_now` and `_read_commands`, so that its manager can call it without a
+    # Context. It holds for the class that says so, not for those derived from it.
+    reads_by_now = False
+
+    # How many numbers its steady ticks have to remember, see `steady`.
+    num_remembered = 0
 
     def __init__(
-        self, params: ControllerInterfaceParams, initial: S, **names: Any
+        self,
+        params: ControllerInterfaceParams,
+        initial: S,
+        *,
+        state_interfaces: tuple[str, ...] = (),
+        command_interfaces: tuple[str, ...] = (),
+        reference_interfaces: tuple[str, ...] = (),
+        exported_interfaces: tuple[str, ...] = (),
+        limit_interfaces: Mapping[str, str] | None = None,
     ) -> None:
-        """Create the system with what it reads."""
-        super().__init__(params, **names)
+        """Create the system with its state, its tick and its interfaces.
+
+        `initial` is the state before the first tick; all else is as in
+        ControllerInterface.
+        """
+        # Drake's classes take no notice of what is abstract.
+        own = type(self)
+        if own._update is TickingController._update:
+            raise TypeError(f"{own.__name__} has no _update")
+        if command_interfaces and own._command is TickingController._command:
+            raise TypeError(f"{own.__name__} has command interfaces and no _command")
+        super().__init__(
+            params,
+            state_interfaces=state_interfaces,
+            command_interfaces=command_interfaces,
+            reference_interfaces=reference_interfaces,
+            exported_interfaces=exported_interfaces,
+            limit_interfaces=limit_interfaces,
+        )
         # At most one port with the values of all command interfaces, and where those of
         # this one stand there.
         self._values: list[tuple[InputPort, int]] = []
@@ -365,6 +423,30 @@ class TickReader(ControllerInterface, Generic[S]):
         )
         make = KeptTicks if params.is_managed else OwnTicks
         self._ticks: KeptTicks[S] = make(self, params, self.first_result)
+        # Whether it says of an update how it went.
+        self.can_fail = own._is_ok is not TickingController._is_ok
+        # Humble's manager goes on with a controller whose update fails.
+        self._ends_on_failure = params.distro != "humble"
+        self._declare_tick()
+
+    def _declare_tick(self) -> None:
+        """Declare the ports of ticks and exports; who has no manager stores ticks."""
+        self._tick_port = self.DeclareAbstractOutputPort(
+            interfaces.COMMAND_PORT, lambda: AbstractValue.Make(()), self._calc_tick
+        )
+        if isinstance(self._ticks, OwnTicks):
+            self.DeclarePeriodicUnrestrictedUpdateEvent(
+                self.params.period, 0.0, self._update_state
+            )
+        if self.exported_interfaces:
+            self.DeclareVectorOutputPort(
+                interfaces.EXPORT_PORT,
+                len(self.exported_interfaces),
+                lambda context, output: output.SetFromVector(
+                    self._export(self._state(context))
+                ),
+                prerequisites_of_calc={self._ticks.ticket},
+            )
 
     def add_command_values(
         self, order: Sequence[str], start: int = 0, size: int | None = None
@@ -373,28 +455,20 @@ class TickReader(ControllerInterface, Generic[S]):
 
         They start at a place of a vector of a size; None is that of the order.
         """
-        at = {name: index for index, name in enumerate(order)}
         port = self.DeclareVectorInputPort(interfaces.VALUES_PORT, size or len(order))
         self._values.append((port, start))
-        self._values_at.extend(
-            (i, at[n]) for i, n in enumerate(self.command_interfaces) if n in at
-        )
+        at = _match(self.command_interfaces, order)
+        self._values_at.extend(zip(*at, strict=True))
         return port
 
     def add_predecessor(self, controller: "ControllerInterface") -> InputPort:
         """Declare the port of a controller that commands references of this one."""
-        names = controller.command_interfaces
-        target_indices = [
-            i for i, ref in enumerate(self.reference_interfaces) if ref in names
-        ]
-        source_indices = [
-            names.index(self.reference_interfaces[i]) for i in target_indices
-        ]
         name = controller.params.controller_name
         port = self.DeclareAbstractInputPort(
             f"{interfaces.CHAIN_PORT}{name}", AbstractValue.Make(())
         )
-        self._predecessors.append((name, port, target_indices, source_indices))
+        at = _match(self.reference_interfaces, controller.command_interfaces)
+        self._predecessors.append((name, port, *at))
         return port
 
     def _state(self, context: Context) -> S:
@@ -442,97 +516,10 @@ class TickReader(ControllerInterface, Generic[S]):
                 ]
         return references
 
-
-_NO_COMMAND: Array = np.empty(0)
-
-
-class TickingController(TickReader[S]):
-    """Base of controllers with an immutable state of type S, renewed at every tick.
-
-    A subclass implements `_update`, and what else it needs of `_activate`,
-    `_deactivate`, `_idle`, `_command` and `_is_ok`. It declares its further ports;
-    outputs depend on the state alone and show what the last tick left behind.
-    Without a manager on its port a controller is always active. Of the table of ports
-    in its documentation Drake's block of ports is made.
-    """
-
-    def __init_subclass__(cls, **more: Any) -> None:
-        """Add the block of ports to the documentation."""
-        super().__init_subclass__(**more)
-        cls.__doc__ = _document_ports(cls)
-
-    # Whether all that it reads while `UpdateContext.is_quiet` goes through
-    # `_measured_now` and `_read_commands`, so that its manager can call it without a
-    # Context. It holds for the class that says so, not for those derived from it.
-    reads_by_now = False
-
-    # How many numbers its steady ticks have to remember, see `steady`.
-    num_remembered = 0
-
-    def __init__(
-        self,
-        params: ControllerInterfaceParams,
-        initial: S,
-        *,
-        state_interfaces: tuple[str, ...] = (),
-        command_interfaces: tuple[str, ...] = (),
-        reference_interfaces: tuple[str, ...] = (),
-        exported_interfaces: tuple[str, ...] = (),
-        limit_interfaces: Mapping[str, str] | None = None,
-    ) -> None:
-        """Create the system with its state, its tick and its interfaces.
-
-        Args:
-            params: Rate and surroundings of the controller.
-            initial: State before the first tick.
-            state_interfaces: As in ControllerInterface.
-            command_interfaces: As in ControllerInterface.
-            reference_interfaces: As in ControllerInterface.
-            exported_interfaces: As in ControllerInterface.
-            limit_interfaces: As in ControllerInterface.
-        """
-        # Drake's classes take no notice of what is abstract.
-        own = type(self)
-        if own._update is TickingController._update:
-            raise TypeError(f"{own.__name__} has no _update")
-        if command_interfaces and own._command is TickingController._command:
-            raise TypeError(f"{own.__name__} has command interfaces and no _command")
-        super().__init__(
-            params,
-            initial,
-            state_interfaces=state_interfaces,
-            command_interfaces=command_interfaces,
-            reference_interfaces=reference_interfaces,
-            exported_interfaces=exported_interfaces,
-            limit_interfaces=limit_interfaces,
-        )
-        # Whether it says of an update how it went.
-        self.can_fail = own._is_ok is not TickingController._is_ok
-        # Humble's manager goes on with a controller whose update fails.
-        self._ends_on_failure = params.distro != "humble"
-        self._tick_port = self.DeclareAbstractOutputPort(
-            interfaces.COMMAND_PORT, lambda: AbstractValue.Make(()), self._calc_tick
-        )
-        if isinstance(self._ticks, OwnTicks):
-            self.DeclarePeriodicUnrestrictedUpdateEvent(
-                params.period, 0.0, self._update_state
-            )
-        if exported_interfaces:
-            self.DeclareVectorOutputPort(
-                interfaces.EXPORT_PORT,
-                len(exported_interfaces),
-                lambda context, output: output.SetFromVector(
-                    self._export(self._state(context))
-                ),
-                prerequisites_of_calc={self._ticks.ticket},
-            )
-
     def add_exporter_tick(self, controller: "TickingController[Any]") -> InputPort:
         """Declare the port of a controller that ticks first and exports state to this.
 
-        Args:
-            controller: As in `ControllerInterface.add_exporter`; here its tick of this
-                very instant counts.
+        Its tick of this very instant counts, not the last one as in `add_exporter`.
         """
         name = f"{interfaces.EXPORT_PORT}:{controller.params.controller_name}"
         port = self.DeclareAbstractInputPort(name, AbstractValue.Make(()))
@@ -563,10 +550,6 @@ class TickingController(TickReader[S]):
         """Return what a cycle leaves behind in which nothing comes.
 
         The same as what the port says, without a way through Drake.
-
-        Args:
-            cycle: A cycle with the `inputs` of the last tick.
-            hardware: What there is to read.
         """
         name = self.params.controller_name
         last: UpdateResult[S] = cycle.ticks[name]
@@ -592,12 +575,10 @@ class TickingController(TickReader[S]):
             last: What the last tick left behind, with all that came until then.
             time_ns: The time of that tick [ns].
         """
-        del last, time_ns
         return None
 
     def remember(self, state: S) -> Sequence[float]:
         """Return what steady ticks remember of a state, `num_remembered` numbers."""
-        del state
         return ()
 
     def resume(
@@ -611,13 +592,7 @@ class TickingController(TickReader[S]):
     ) -> UpdateResult[S]:
         """Return what a steady tick has left behind, as `tick` does.
 
-        Args:
-            steady: How it ticked since then.
-            last: What the last tick in full left behind.
-            number: Number of the cycle.
-            time_ns: Its time [ns].
-            motions: What was measured in it, as in HardwareValues.
-            memory: What the controller remembers of it.
+        `last` is what the last tick in full left; all else is of the steady one.
         """
         state = steady.state(time_ns, motions, memory)
         return UpdateResult(
@@ -641,17 +616,14 @@ class TickingController(TickReader[S]):
 
     def _activate(self, now: UpdateContext, state: S) -> S:
         """Return the state at the start of an activation, before its first tick."""
-        del now
         return state
 
     def _deactivate(self, now: UpdateContext, state: S) -> S:
         """Return the state at the end of an activation."""
-        del now
         return state
 
     def _idle(self, now: UpdateContext, state: S) -> S:
         """Return the state after a cycle in which the controller is inactive."""
-        del now
         return state
 
     def rests(self, state: S) -> bool:
@@ -661,7 +633,6 @@ class TickingController(TickReader[S]):
         and then costs nothing while it is inactive and nothing comes. It holds for the
         class whose `_idle` it is, not for those with one of their own.
         """
-        del state
         return type(self)._idle is TickingController._idle
 
     @property
@@ -676,22 +647,18 @@ class TickingController(TickReader[S]):
 
     def _command(self, state: S) -> Array:
         """Return the commands of a state, shape (k,); NaN leaves one as it is."""
-        del state
         return _NO_COMMAND
 
     def _export(self, state: S) -> Array:
         """Return the exported state interfaces of a state."""
-        del state
         return np.full(len(self.exported_interfaces), np.nan)
 
     def _fault(self, state: S) -> str:
         """Return why the last tick went wrong, in words."""
-        del state
         return ""
 
     def _is_ok(self, state: S) -> bool:
         """Return whether the last tick went well."""
-        del state
         return True
 
     def _declare_topic(

@@ -146,17 +146,14 @@ class SilentTicks:
 
     def report(self, time_ns: int, last_ns: int, motions: Array) -> None:
         """Return None, for there is nothing to tell."""
-        del time_ns, last_ns, motions
         return None
 
     def commands_ahead(self, times_ns: Sequence[int]) -> Array | None:
         """Return None, for what is measured counts."""
-        del times_ns
         return None
 
     def allows(self, time_ns: int, motions: Array) -> bool:
         """Return True: nothing is judged."""
-        del time_ns, motions
         return True
 
 
@@ -179,7 +176,6 @@ class SteadyCommand(SilentTicks, Generic[S]):
         self, time_ns: int, motions: Array, memory: list[float]
     ) -> Sequence[float]:
         """Return the values that a tick commands."""
-        del time_ns, motions, memory
         return self._command
 
     def commands_ahead(self, times_ns: Sequence[int]) -> Array:
@@ -188,7 +184,6 @@ class SteadyCommand(SilentTicks, Generic[S]):
 
     def state(self, time_ns: int, motions: Array, memory: Sequence[float]) -> S:
         """Return the state that a tick leaves behind."""
-        del memory
         if self._sense is None:
             return self._state
         return self._sense(self._state, time_ns, motions)

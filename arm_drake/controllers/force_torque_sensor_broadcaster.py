@@ -15,10 +15,13 @@ from arm_drake.arrays import Array, cross
 from arm_drake.control.admittance import ChainKinematics
 from arm_drake.control.filters import (
     ChainState,
+    ExponentialFilter,
     FilterChain,
     FilterState,
     LowPassFilter,
+    SmoothingFilter,
     find_unused,
+    parameters_of,
 )
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import SteadyTicks, UpdateResult
@@ -36,10 +39,13 @@ _AXES: Final = tuple((part, axis) for part in ("force", "torque") for axis in "x
 _CHAIN: Final = "sensor_filter_chain"
 
 # Filters of wrenches, and their parameters.
-_SMOOTHING: Final = "control_filters/LowPassFilterWrench"
+_SMOOTHING: Final[Mapping[str, type[SmoothingFilter]]] = {
+    "control_filters/LowPassFilterWrench": LowPassFilter,
+    "control_filters/ExponentialFilterWrench": ExponentialFilter,
+}
 _GRAVITY: Final = "control_filters/GravityCompensationWrench"
 _FILTERS: Final = {
-    _SMOOTHING: ("sampling_frequency", "damping_frequency", "damping_intensity"),
+    **{name: parameters_of(kind) for name, kind in _SMOOTHING.items()},
     _GRAVITY: (
         "world_frame",
         "sensor_frame",
@@ -164,7 +170,6 @@ class ForceTorqueSensorBroadcaster(
     positions of joints how the sensor stands.
     """
 
-    reads_by_now = True
     reads = (
         "``force.{x,y,z}`` [N] and ``torque.{x,y,z}`` [N·m] of ``<sensor_name>``, or "
         "``interface_names``"
@@ -265,7 +270,6 @@ class _SteadyFilters(SteadyBroadcast[ForceTorqueSensorBroadcasterState]):
         self, time_ns: int, motions: Array, memory: list[float]
     ) -> Sequence[float]:
         """Return no values; the wrench goes through the filters."""
-        del time_ns
         system, values = self._system, self._values(motions)
         wrench = system._find_wrench(values)
         memory[:] = _to_numbers(system._filter(_to_state(memory), wrench, values))
@@ -273,7 +277,6 @@ class _SteadyFilters(SteadyBroadcast[ForceTorqueSensorBroadcasterState]):
 
     def commands_ahead(self, times_ns: Sequence[int]) -> None:
         """Return None, for the wrench counts."""
-        del times_ns
         return None
 
     def state(
@@ -328,7 +331,6 @@ class WrenchDifference(NamedTuple):
 
     def update(self, state: FilterState, sample: Array) -> FilterState:
         """Return the state after a sample; it holds the output."""
-        del state
         return FilterState(sample, sample - self.wrench)
 
 
@@ -358,10 +360,10 @@ class GravityCompensation(NamedTuple):
 
 
 def _place(
-    filters: Sequence[LowPassFilter | ToolWeight],
+    filters: Sequence[SmoothingFilter | ToolWeight],
     frame: str,
     params: ControllerInterfaceParams,
-) -> tuple[tuple[LowPassFilter | GravityCompensation, ...], tuple[str, ...]]:
+) -> tuple[tuple[SmoothingFilter | GravityCompensation, ...], tuple[str, ...]]:
     """Return filters that know where the robot's frames are.
 
     Also the joints whose positions they need, in the order of `GravityCompensation.at`.
@@ -407,9 +409,9 @@ def _make_kinematics(
     return params.make_kinematics(joints, tool.world_frame)
 
 
-def make_filters(chain: Mapping[str, Any]) -> tuple[LowPassFilter | ToolWeight, ...]:
+def make_filters(chain: Mapping[str, Any]) -> tuple[SmoothingFilter | ToolWeight, ...]:
     """Return the filters of a wrench, in their order."""
-    filters: list[LowPassFilter | ToolWeight] = []
+    filters: list[SmoothingFilter | ToolWeight] = []
     names: list[str] = []
     while True:
         prefix = f"filter{len(filters) + 1}"
@@ -418,8 +420,8 @@ def make_filters(chain: Mapping[str, Any]) -> tuple[LowPassFilter | ToolWeight, 
         name, kind = (_take(chain, f"{prefix}.{n}", str) for n in ("name", "type"))
         if name in names:
             raise _error(f"{prefix}.name", f"must not repeat a name, got {name!r}")
-        if kind == _SMOOTHING:
-            filters.append(_make_low_pass(chain, f"{prefix}.params"))
+        if kind in _SMOOTHING:
+            filters.append(_make_smoothing(chain, kind, f"{prefix}.params"))
         elif kind == _GRAVITY:
             filters.append(_make_tool_weight(chain, f"{prefix}.params"))
         else:
@@ -428,10 +430,12 @@ def make_filters(chain: Mapping[str, Any]) -> tuple[LowPassFilter | ToolWeight, 
         names.append(name)
 
 
-def _make_low_pass(chain: Mapping[str, Any], prefix: str) -> LowPassFilter:
-    values = [_take(chain, f"{prefix}.{n}", float) for n in _FILTERS[_SMOOTHING]]
+def _make_smoothing(
+    chain: Mapping[str, Any], kind: str, prefix: str
+) -> SmoothingFilter:
+    values = [_take(chain, f"{prefix}.{n}", float) for n in _FILTERS[kind]]
     try:
-        return LowPassFilter(*values)
+        return _SMOOTHING[kind](*values)
     except ValueError as error:
         raise _error(prefix, str(error)) from None
 

@@ -77,15 +77,10 @@ class ForwardControllersBase(TopicController[ForwardCommandState]):
         return self._receive(now, state)
 
     def _take(
-        self,
-        state: ForwardCommandState,
-        message: Float64MultiArray,
-        time_ns: int,
-        obstacle: str,
+        self, state: ForwardCommandState, message: Float64MultiArray, time_ns: int
     ) -> tuple[ForwardCommandState, str]:
         """Return the state with the commands of a message."""
-        fault = obstacle or self._find_fault(message)
-        if fault:
+        if fault := self._find_fault(message):
             return state, fault
         names, size = self.command_interfaces, len(message.data)
         if size not in (0, len(names)):
@@ -118,7 +113,6 @@ class ForwardControllersBase(TopicController[ForwardCommandState]):
         self, last: UpdateResult[ForwardCommandState], time_ns: int
     ) -> SteadyTicks[ForwardCommandState]:
         """Return the command that holds."""
-        del time_ns
         return SteadyCommand(last.command, last.state)
 
     def _is_ok(self, state: ForwardCommandState) -> bool:

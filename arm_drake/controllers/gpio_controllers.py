@@ -23,7 +23,7 @@ from arm_drake.description.parameters import (
 )
 from arm_drake.errors import ParameterError, suggest
 from arm_drake.importing import dataclass
-from arm_drake.messages import Header, InterfaceValue, Time
+from arm_drake.messages import Header, InterfaceValue
 from arm_drake.messages.control import DynamicInterfaceGroupValues
 
 
@@ -103,8 +103,10 @@ class GpioCommandController(TopicController[GpioCommandControllerState]):
     The state is a GpioCommandControllerState. The last message holds until the
     controller is deactivated. What it doesn't name stays as it is, as with a value that
     isn't finite. A name that isn't claimed is skipped, with an event; the others are
-    written. With another number of values than of names, of groups or of interfaces,
-    every tick fails and nothing is written, where upstream writes the groups before.
+    written. With another number of values than of names in a group, or fewer of
+    ``interface_values`` than of ``interface_groups``, every tick fails and nothing is
+    written, where upstream writes the groups before. Without any of the two a message
+    takes the last one back.
     """
 
     reads_by_now = True
@@ -156,7 +158,6 @@ class GpioCommandController(TopicController[GpioCommandControllerState]):
         self, last: UpdateResult[GpioCommandControllerState], time_ns: int
     ) -> SteadyTicks[GpioCommandControllerState]:
         """Return the command that holds, beside what is read."""
-        del time_ns
         return SteadyCommand(
             last.command,
             last.state,
@@ -174,13 +175,9 @@ class GpioCommandController(TopicController[GpioCommandControllerState]):
         state: GpioCommandControllerState,
         message: DynamicInterfaceGroupValues,
         time_ns: int,
-        obstacle: str,
     ) -> tuple[GpioCommandControllerState, str]:
         """Return the state with the commands of a message."""
-        if obstacle:
-            return state, obstacle
-        fault = _find_fault(message)
-        if fault:
+        if fault := _find_fault(message):
             return state._replace(command=self._nothing, is_ok=False), fault
         command, skipped = self._sort(message)
         return state._replace(command=command, is_ok=True), skipped
@@ -188,14 +185,16 @@ class GpioCommandController(TopicController[GpioCommandControllerState]):
     def _sort(self, message: DynamicInterfaceGroupValues) -> tuple[Array, str]:
         """Return the values of a message, shape (k,), and what is skipped of it."""
         command, skipped = self._nothing.copy(), []
-        groups = zip(message.interface_groups, message.interface_values, strict=True)
-        for gpio, group in groups:
+        groups, values = message.interface_groups, message.interface_values
+        for gpio, group in zip(groups, values, strict=False):
             for name, value in zip(group.interface_names, group.values, strict=True):
                 full = f"{gpio}/{name}"
                 if full in self._places:
                     command[self._places[full]] = value
                 else:
                     skipped.append(full)
+        if len(groups) != len(values):
+            return command, f"{_tell_sizes(message)}; the rest is skipped"
         if not skipped:
             return command, ""
         listed = ", ".join(map(repr, skipped))
@@ -224,7 +223,7 @@ class GpioCommandController(TopicController[GpioCommandControllerState]):
         """Return the topic gpio_states."""
         values = iter(state.measured.tolist())
         return DynamicInterfaceGroupValues(
-            Header(Time.from_nanoseconds(state.time_ns)),
+            Header.from_nanoseconds(state.time_ns),
             self._gpios,
             tuple(
                 InterfaceValue(names, tuple(next(values) for _ in names))
@@ -254,12 +253,9 @@ def _find_states(gpio: str, params: ControllerInterfaceParams) -> tuple[str, ...
 def _find_fault(message: DynamicInterfaceGroupValues) -> str:
     """Return why a message makes the update fail; empty if it doesn't."""
     groups, values = message.interface_groups, message.interface_values
-    if len(groups) != len(values):
-        return (
-            f"interface_values must be as many as interface_groups, {len(groups)}, "
-            f"got {len(values)}; the update fails"
-        )
-    for index, value in enumerate(values):
+    if 0 < len(values) < len(groups):
+        return f"{_tell_sizes(message)}; the update fails"
+    for index, value in enumerate(values[: len(groups)]):
         num_names, num_values = len(value.interface_names), len(value.values)
         if num_names != num_values:
             return (
@@ -267,3 +263,11 @@ def _find_fault(message: DynamicInterfaceGroupValues) -> str:
                 f"as interface_names, {num_names}, got {num_values}; the update fails"
             )
     return ""
+
+
+def _tell_sizes(message: DynamicInterfaceGroupValues) -> str:
+    groups, values = message.interface_groups, message.interface_values
+    return (
+        f"interface_values must be as many as interface_groups, {len(groups)}, "
+        f"got {len(values)}"
+    )

@@ -32,6 +32,7 @@ from arm_drake.controllers.cycles import (
     UpdateResult,
 )
 from arm_drake.controllers.topics import (
+    ALWAYS,
     GRIPPER_COMMAND,
     Inbox,
     TopicController,
@@ -269,11 +270,13 @@ class GripperControllerBase(TopicController[GripperState]):
             command_interfaces=claims,
             limit_interfaces=limits,
         )
-        self._subscribe("gripper_cmd", ActionRequest, self._take_request)
+        self._subscribe(
+            "gripper_cmd", ActionRequest, self._take_request, despite=ALWAYS
+        )
         self._range = params.gripper_ranges.get(joint)
         self.message_types = {}
         if self._range is not None:
-            self._subscribe(GRIPPER_COMMAND, Float64, self._take_part)
+            self._subscribe(GRIPPER_COMMAND, Float64, self._take_part, despite=ALWAYS)
             self.message_types = {GRIPPER_COMMAND: Float32}
         # Of both in one tick, a gripper command counts first.
         self._topics.reverse()
@@ -317,13 +320,11 @@ class GripperControllerBase(TopicController[GripperState]):
         self, last: UpdateResult[GripperState], time_ns: int
     ) -> SteadyTicks[GripperState] | None:
         """Return the command that holds where no goal is watched."""
-        del time_ns
         if self._pid is not None or last.state.goal is not None:
             return None
         return SteadyCommand(last.command, last.state, self._sense)
 
     def _sense(self, state: GripperState, time_ns: int, motions: Array) -> GripperState:
-        del time_ns
         position, velocity = motions[self._read_at].tolist()
         return state._replace(position=position, velocity=velocity)
 
@@ -351,11 +352,7 @@ class GripperControllerBase(TopicController[GripperState]):
         return add_event(state._replace(goal=None), goal.outcome)
 
     def _take_request(
-        self,
-        state: GripperState,
-        message: ActionRequest,
-        time_ns: int,
-        obstacle: str,
+        self, state: GripperState, message: ActionRequest, time_ns: int
     ) -> tuple[GripperState, str]:
         """Return the state that deals with a request; nothing is wrong with it."""
         if isinstance(message, CancelGoal):
@@ -387,11 +384,7 @@ class GripperControllerBase(TopicController[GripperState]):
         return add_event(state, response)
 
     def _take_part(
-        self,
-        state: GripperState,
-        message: Float64,
-        time_ns: int,
-        obstacle: str,
+        self, state: GripperState, message: Float64, time_ns: int
     ) -> tuple[GripperState, str]:
         """Return the state that goes to a position without a goal."""
         fault = find_part_fault(message)

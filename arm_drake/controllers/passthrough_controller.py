@@ -97,19 +97,13 @@ class PassthroughController(TopicController[PassthroughState]):
         self, last: UpdateResult[PassthroughState], time_ns: int
     ) -> SteadyTicks[PassthroughState]:
         """Return the references that hold."""
-        del time_ns
         return SteadyCommand(last.command, last.state)
 
     def _take(
-        self,
-        state: PassthroughState,
-        message: Float64MultiArray,
-        time_ns: int,
-        obstacle: str,
+        self, state: PassthroughState, message: Float64MultiArray, time_ns: int
     ) -> tuple[PassthroughState, str]:
         """Return the state with the references of a message."""
-        fault = obstacle or self._find_fault(message)
-        if fault:
+        if fault := self._find_fault(message):
             return state, fault
         return state._replace(command=np.array(message.data, dtype=float)), ""
 

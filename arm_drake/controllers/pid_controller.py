@@ -12,10 +12,9 @@ from collections.abc import Callable, Sequence
 from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_drake import interfaces
-from arm_drake.arrays import Array
+from arm_drake.arrays import Array, Mask
 from arm_drake.control.pid import (
     EPSILON,
     Pid,
@@ -33,6 +32,7 @@ from arm_drake.controllers.cycles import (
     UpdateResult,
 )
 from arm_drake.controllers.topics import (
+    ALWAYS,
     CHAINED,
     Inbox,
     TopicController,
@@ -139,9 +139,6 @@ class PidControllerParameters:
             )
         for dof, gains in self.gains.dof.items():
             gains.check(f"gains.{dof}")
-
-
-Mask = NDArray[np.bool_]
 
 
 class PidControlState(NamedTuple):
@@ -407,7 +404,6 @@ class _SteadyPids(SilentTicks):
         self, time_ns: int, motions: Array, memory: list[float]
     ) -> list[float] | None:
         """Return the values that a tick commands; None where one isn't finite."""
-        del time_ns
         rules, references = self._last.rules, self._last.control.references
         error = rules.find_error(references, self._measure(self._last, motions))
         errors, rates = error.tolist(), None
@@ -501,7 +497,8 @@ class PidController(TopicController[PidControllerState]):
         self._subscribe("reference", MultiDOFCommand, self._take_references)
         self._subscribe_parameters(self._take_parameters)
         if self._is_external:
-            self._subscribe("measured_state", MultiDOFCommand, self._take_measurements)
+            take = self._take_measurements
+            self._subscribe("measured_state", MultiDOFCommand, take, despite=ALWAYS)
         self._declare_topic("controller_state", self._describe)
         self._declare_events()
 
@@ -552,28 +549,17 @@ class PidController(TopicController[PidControllerState]):
         return state.external if self._is_external else motions[self._read_at]
 
     def _take_references(
-        self,
-        state: PidControllerState,
-        message: MultiDOFCommand,
-        time_ns: int,
-        obstacle: str,
+        self, state: PidControllerState, message: MultiDOFCommand, time_ns: int
     ) -> tuple[PidControllerState, str]:
-        fault = obstacle or find_fault(message, self._dofs)
-        if fault:
+        if fault := find_fault(message, self._dofs):
             return state, fault
         values = sort_values(message, self._dofs, has_rate=self._has_rate)
         return state._replace(requested=values), ""
 
     def _take_measurements(
-        self,
-        state: PidControllerState,
-        message: MultiDOFCommand,
-        time_ns: int,
-        obstacle: str,
+        self, state: PidControllerState, message: MultiDOFCommand, time_ns: int
     ) -> tuple[PidControllerState, str]:
-        """Return the state with measurements, which are taken at any time."""
-        fault = find_fault(message, self._dofs, takes_rates=self._has_rate)
-        if fault:
+        if fault := find_fault(message, self._dofs, takes_rates=self._has_rate):
             return state, fault
         values = sort_values(message, self._dofs, has_rate=self._has_rate)
         return state._replace(external=values), ""

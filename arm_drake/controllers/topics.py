@@ -54,6 +54,7 @@ Event: TypeAlias = TopicRejected | ParametersRejected | GoalEvent | CancelRespon
 # Why messages aren't taken.
 CHAINED = "another controller commands the references"
 INACTIVE = "the controller is not active"
+ALWAYS = (CHAINED, INACTIVE)
 
 # The latest events, numbered, the newest last.
 Events: TypeAlias = tuple[tuple[int, Event], ...]
@@ -158,12 +159,26 @@ class TopicState(Protocol):
 
 
 # Takes a message that came at a time [ns]; returns the new state, and what is wrong
-# with the message. The last argument says why no commands are taken; empty if they are.
-TakeMessage: TypeAlias = Callable[[T, Any, int, str], tuple[T, str]]
+# with the message.
+TakeMessage: TypeAlias = Callable[[T, Any, int], tuple[T, str]]
 
 # Takes parameters; returns the new state, or raises ValueError. The last argument is
 # why no commands are taken.
 TakeParameters: TypeAlias = Callable[[T, Any, str], T]
+
+
+class _Topic(NamedTuple, Generic[T]):
+    """A topic of a controller."""
+
+    port: InputPort
+    kind: type[Message]
+    take: TakeMessage[T]
+
+    # Why commands may not be taken, and its messages are all the same.
+    despite: Collection[str]
+
+    # What goes before the words that say what is wrong with a message.
+    label: str
 
 
 class TopicController(TickingController[T]):
@@ -180,18 +195,23 @@ class TopicController(TickingController[T]):
         super().__init__(params, initial, **names)
         self.message_types: dict[str, type[Message]] = {}
         # In the order in which their messages are taken.
-        self._topics: list[tuple[InputPort, type[Message], TakeMessage[T]]] = []
+        self._topics: list[_Topic[T]] = []
         # At most one.
         self._parameter_ports: list[tuple[InputPort, TakeParameters[T]]] = []
 
     def _subscribe(
-        self, name: str, kind: type[Message], take: TakeMessage[T]
-    ) -> InputPort:
-        """Declare the input port of a topic."""
+        self,
+        name: str,
+        kind: type[Message],
+        take: TakeMessage[T],
+        *,
+        despite: Collection[str] = (),
+        label: str = "",
+    ) -> None:
+        """Declare the input port of a topic; `despite` and `label` as in _Topic."""
         port = self.DeclareAbstractInputPort(name, AbstractValue.Make(()))
         self.message_types[name] = kind
-        self._topics.append((port, kind, take))
-        return port
+        self._topics.append(_Topic(port, kind, take, despite, label))
 
     def _subscribe_parameters(self, take: TakeParameters[T]) -> None:
         """Declare the input port of parameters to go on with."""
@@ -211,13 +231,16 @@ class TopicController(TickingController[T]):
         state = self._receive_parameters(now, state, obstacle)
         seen = state.inbox.seen or ((),) * len(self._topics)
         received: list[tuple[Message, ...]] = []
-        for (port, kind, take), before in zip(self._topics, seen, strict=True):
-            new, messages = new_messages(port, now.context, kind, before)
+        for topic, before in zip(self._topics, seen, strict=True):
+            new, messages = new_messages(topic.port, now.context, topic.kind, before)
             received.append(messages)
             for message in new:
-                state, fault = take(state, message, now.time_ns, obstacle)
+                fault = "" if obstacle in topic.despite else obstacle
+                if not fault:
+                    state, fault = topic.take(state, message, now.time_ns)
                 if fault:
-                    state = add_event(state, TopicRejected(message, fault))
+                    rejected = TopicRejected(message, f"{topic.label}{fault}")
+                    state = add_event(state, rejected)
         if all(map(is_, received, seen)):
             return state
         return state._replace(inbox=state.inbox._replace(seen=tuple(received)))
@@ -256,15 +279,16 @@ class SensorBroadcaster(TickingController[S]):
     """Base of broadcasters, whose state is what was published last.
 
     A subclass says what it reads and publishes, and makes its message by `_make`. Of
-    several topics each is a field of the state. One that `reads_by_now` makes it of the
-    values alone, or has steady ticks of its own.
+    several topics each is a field of the state. It has steady ticks of its own if its
+    message doesn't follow from the values alone.
     """
 
     # Class of the message, or of the state.
     message: ClassVar[type]
 
-    # Interfaces of the sensor that it reads.
+    # Interfaces of the sensor that it reads, and the parameter with the sensor's name.
     names: ClassVar[tuple[str, ...]] = ()
+    sensor: ClassVar[str] = "sensor_name"
 
     # For its documentation, which names all ports: what it reads, what it exports if it
     # does, and what is on each of its topics.
@@ -273,8 +297,9 @@ class SensorBroadcaster(TickingController[S]):
     topics: ClassVar[Mapping[str, str]]
 
     def __init_subclass__(cls, **more: Any) -> None:
-        """Add the ports to the documentation."""
+        """Add the ports to the documentation; what `_make` reads is given to it."""
         cls.__doc__ = _tabulate_ports(cls)
+        cls.reads_by_now = True
         super().__init_subclass__(**more)
 
     def __init__(
@@ -293,7 +318,8 @@ class SensorBroadcaster(TickingController[S]):
         """
         own, read = params.controller_name, state_interfaces
         if self.names:
-            read = tuple(f"{parameters.sensor_name}/{name}" for name in self.names)
+            sensor = getattr(parameters, self.sensor)
+            read = tuple(f"{sensor}/{name}" for name in self.names)
         is_exported = self.exports and params.distro != "humble"
         super().__init__(
             params,
@@ -322,7 +348,6 @@ class SensorBroadcaster(TickingController[S]):
 
     def steady(self, last: UpdateResult[S], time_ns: int) -> SteadyTicks[S] | None:
         """Return what makes a message of numbers when somebody looks at it."""
-        del time_ns
         return SteadyBroadcast(self, last.state)
 
 
@@ -340,7 +365,6 @@ class SteadyBroadcast(SilentTicks, Generic[S]):
         self, time_ns: int, motions: Array, memory: list[float]
     ) -> Sequence[float] | None:
         """Return no values, for it commands nothing."""
-        del time_ns, motions, memory
         return ()
 
     def commands_ahead(self, times_ns: Sequence[int]) -> Array | None:
@@ -349,7 +373,6 @@ class SteadyBroadcast(SilentTicks, Generic[S]):
 
     def state(self, time_ns: int, motions: Array, memory: Sequence[float]) -> S:
         """Return what a tick publishes."""
-        del memory
         system = self._system
         return system._make(system._header(time_ns), self._values(motions), self._last)
 

@@ -52,6 +52,7 @@ from arm_drake.description.links import (
     LinkInfo,
     Origin,
     ShapeInfo,
+    Transform,
     Vector,
 )
 from arm_drake.description.report import LoadReport
@@ -187,13 +188,13 @@ def _is_wheel(
         return False
     if not set(parents).isdisjoint(rigid_links(description, joint.child)):
         return False
-    R = link_orientation(description, joint.parent) @ joint.origin.rotation
-    if abs(float((R @ joint.unit_axis)[2])) >= _LEVEL:
+    X = pose_in_root(description, joint.child)
+    if abs(float((X.rotation @ joint.unit_axis)[2])) >= _LEVEL:
         return False
     bottom = _lowest(description, rigid_links(description, joint.child))
     if not math.isfinite(bottom):
         return False  # Without a shape to collide with it can't roll.
-    radius = place_in_root(description, joint.child, (0.0, 0.0, 0.0))[2] - bottom
+    radius = X.position[2] - bottom
     carriers = {
         link for j in (joint, *above) for link in rigid_links(description, j.parent)
     }
@@ -212,11 +213,12 @@ def _lowest(description: RobotDescription, links: Iterable[str]) -> float:
     """
     lowest = math.inf
     for name in links:
-        up = link_orientation(description, name)[2]
+        X = pose_in_root(description, name)
+        up = X.rotation[2]
         for shape in description.link(name).collisions:
             if (solid := placed_solid(shape)) is None:
                 continue
-            middle = place_in_root(description, name, solid.center)[2]
+            middle = X.position[2] + up @ solid.center
             inertia = solid.inertia
             second = np.trace(inertia) / 2.0 - up @ inertia @ up
             half = math.sqrt(3.0 * max(0.0, float(second)) / solid.mass)
@@ -314,22 +316,14 @@ def report_bases(
                 report.add("error", "invalid", what, done, where=where, file=file)
 
 
-def link_orientation(description: RobotDescription, link: str) -> Array:
-    """Return the orientation of a link in its root, joints at 0, shape (3, 3)."""
-    R = np.eye(3)
+def pose_in_root(
+    description: RobotDescription, link: str, inside: Transform | None = None
+) -> Transform:
+    """Return the pose of a link, or of what is inside it, in its root, joints at 0."""
+    X = inside or Transform()
     for carrier in joints_above(description.joints, link):
-        R = carrier.origin.rotation @ R
-    return R
-
-
-def place_in_root(
-    description: RobotDescription, link: str, point: Sequence[float] | Array
-) -> Array:
-    """Return a point of a link in its root [m], joints at 0, shape (3,)."""
-    place = np.array(point, dtype=float)
-    for carrier in joints_above(description.joints, link):
-        place = carrier.origin.position + carrier.origin.rotation @ place
-    return place
+        X = carrier.origin.transform @ X
+    return X
 
 
 def first_collision(
@@ -407,7 +401,7 @@ class _Tree:
     description: RobotDescription
 
     def _rotation(self, link: str) -> Array:
-        return link_orientation(self.description, link)
+        return pose_in_root(self.description, link).rotation
 
     def steered_axles(self, joint: JointInfo) -> Iterator[Axle]:
         """Yield the axles that wheels below a steering joint lack."""
@@ -643,10 +637,10 @@ def _rollers_of(
     if rim is None:
         return
     name, center, radius = rim
-    stand = link_orientation(description, base)
+    stand = pose_in_root(description, base).inverse()
     # Of the wheel, in the base.
-    R_BW = stand.T @ link_orientation(description, name)
-    R_BL = stand.T @ link_orientation(description, link)
+    R_BW = (stand @ pose_in_root(description, name)).rotation
+    R_BL = (stand @ pose_in_root(description, link)).rotation
     axis = R_BL @ mover.unit_axis
     left = axis * (-1.0 if axis[1] < 0.0 else 1.0)
     up = np.array([0.0, 0.0, 1.0])

@@ -4,7 +4,6 @@ Source: ros_gz, branch ros2, ros_gz_bridge (README.md, src/bridge_config.cpp,
 ros_gz_bridge/mappings.py); older names are those of ros_ign_bridge.
 """
 
-import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,7 +13,7 @@ import yaml
 
 from arm_drake import yaml_files
 from arm_drake.description.control_files import files_in_config
-from arm_drake.description.entry import Source, configs_folder, text_of
+from arm_drake.description.entry import Source, configs_folder, listed, text_of
 from arm_drake.description.gazebo_plugins import Ros2ControlPlugin
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import Kind, LoadReport, Severity
@@ -125,17 +124,17 @@ def remapped_topics(description: RobotDescription) -> tuple[TopicAlias, ...]:
 
 def split_bridges(
     sources: Source | Sequence[Source] | None,
-) -> tuple[list[Path], list[Source] | None]:
+) -> tuple[list[Path], list[Path] | None]:
     """Return which of the files that a user names are bridges, and the others.
 
     Bridges alone leave None: nothing is said of the controllers.
     """
     if sources is None:
         return [], None
-    files = [sources] if isinstance(sources, str | os.PathLike) else list(sources)
-    bridges = [file for file in files if _is_bridge(Path(file))]
+    files = listed(sources)
+    bridges = [file for file in files if _is_bridge(file)]
     others = [file for file in files if file not in bridges]
-    return [Path(file) for file in bridges], others if others or not files else None
+    return bridges, others if others or not files else None
 
 
 def find_bridge_files(

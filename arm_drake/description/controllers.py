@@ -66,19 +66,57 @@ class HardwareComponentsInitialState:
 
 
 @dataclass(frozen=True)
-class ControllerManagerParameters:
-    """The parameters of a controller manager that have an effect."""
+class ControllerConfig:
+    """A controller as its YAML configures it."""
+
+    name: str
+
+    # ros2_control type, such as "forward_command_controller/ForwardCommandController".
+    # What is no type at all is kept as text.
+    type: str
+
+    # Its parameters by dotted name, without those that the manager reads.
+    parameters: dict[str, Parameter]
+
+    # Where its type is given.
+    file: Path
+    line: int
+
+    # Controllers to activate when an update of this one fails.
+    fallback_controllers: tuple[str, ...] = ()
+
+    # Why it can't be loaded, which the report says too; empty if it can.
+    problem: str = ""
+
+    # Tags of one kind of Gazebo's plugins that it stands for, if it isn't of a YAML.
+    plugins: tuple[Any, ...] = ()
+
+    # The joints that these move.
+    plugin_joints: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True)
+class ControllerManagerConfig:
+    """A controller manager and its controllers, in the order of the manager's list."""
 
     # Rate of the read-update-write loop [Hz].
     update_rate: int = DEFAULT_UPDATE_RATE
+
+    controllers: tuple[ControllerConfig, ...] = ()
+
+    # Files that were read.
+    files: tuple[Path, ...] = ()
 
     # Whether commands are kept within the joints' limits. None: as the distribution
     # does by default.
     enforce_command_limits: bool | None = None
 
-    hardware_components_initial_state: HardwareComponentsInitialState = (
-        HardwareComponentsInitialState()
+    hardware_components_initial_state: HardwareComponentsInitialState = dc.field(
+        default_factory=HardwareComponentsInitialState
     )
+
+    # Parameters of the nodes of Gazebo's plugins, by the nodes' names.
+    plugin_nodes: Mapping[str, Parameters] = dc.field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -107,8 +145,8 @@ def is_managers(key: str) -> bool:
 
 def load_manager_parameters(
     parameters: Parameters, node: str, report: LoadReport
-) -> ControllerManagerParameters:
-    """Return the parameters of a controller manager."""
+) -> ControllerManagerConfig:
+    """Return what the parameters of a controller manager configure of it."""
     rate, where = parameters.get("update_rate"), f"{node}.update_rate"
     if rate is not None and isinstance(rate.value, float) and rate.value.is_integer():
         what = f"{rate.value} is a double; ros2_control refuses it for an integer"
@@ -138,7 +176,7 @@ def load_manager_parameters(
             done = f"taken as the {new} ones of hardware_components_initial_state"
             report.add("info", "repair", what, done, where=where, at=parameters[old])
     states = loaded.hardware_components_initial_state
-    return ControllerManagerParameters(
+    return ControllerManagerConfig(
         update_rate=loaded.update_rate,
         enforce_command_limits=(
             loaded.enforce_command_limits
@@ -295,60 +333,6 @@ def merge(sections: Iterable[Section]) -> dict[str, Parameter]:
 
 # What becomes of a controller that can't be loaded.
 _IDLE = "the controller does not run"
-
-
-@dataclass(frozen=True)
-class ControllerConfig:
-    """A controller as its YAML configures it."""
-
-    name: str
-
-    # ros2_control type, such as "forward_command_controller/ForwardCommandController".
-    # What is no type at all is kept as text.
-    type: str
-
-    # Its parameters by dotted name, without those that the manager reads.
-    parameters: dict[str, Parameter]
-
-    # Where its type is given.
-    file: Path
-    line: int
-
-    # Controllers to activate when an update of this one fails.
-    fallback_controllers: tuple[str, ...] = ()
-
-    # Why it can't be loaded, which the report says too; empty if it can.
-    problem: str = ""
-
-    # Tags of one kind of Gazebo's plugins that it stands for, if it isn't of a YAML.
-    plugins: tuple[Any, ...] = ()
-
-    # The joints that these move.
-    plugin_joints: frozenset[str] = frozenset()
-
-
-@dataclass(frozen=True)
-class ControllerManagerConfig:
-    """A controller manager and its controllers, in the order of the manager's list."""
-
-    # Rate of the read-update-write loop [Hz].
-    update_rate: int = DEFAULT_UPDATE_RATE
-
-    controllers: tuple[ControllerConfig, ...] = ()
-
-    # Files that were read.
-    files: tuple[Path, ...] = ()
-
-    # Whether commands are kept within the joints' limits. None: as the distribution
-    # does by default.
-    enforce_command_limits: bool | None = None
-
-    hardware_components_initial_state: HardwareComponentsInitialState = dc.field(
-        default_factory=HardwareComponentsInitialState
-    )
-
-    # Parameters of the nodes of Gazebo's plugins, by the nodes' names.
-    plugin_nodes: Mapping[str, Parameters] = dc.field(default_factory=dict)
 
 
 def load_controllers(
@@ -702,7 +686,7 @@ def _first_setting(name: str, managers: Sequence[ManagedControllers]) -> Any:
 
 
 def _merge(
-    settings: Iterable[ControllerManagerParameters],
+    settings: Iterable[ControllerManagerConfig],
 ) -> HardwareComponentsInitialState:
     """Return the initial states that all managers ask for."""
     states = [one.hardware_components_initial_state for one in settings]

@@ -25,7 +25,7 @@ from arm_drake.description.controllers import (
     PLUGIN_NODES,
     PLUGIN_PARAMETERS,
 )
-from arm_drake.description.elements import parse_bool, parse_number
+from arm_drake.description.elements import parse_number, parse_sdf_bool
 from arm_drake.description.gazebo import GazeboPlugin
 from arm_drake.description.parameters import NodeParameters, Parameter, Parameters
 from arm_drake.description.report import LoadReport, Severity
@@ -96,11 +96,6 @@ def gazebo_tags(
             yield plugin, plugin.texts(tag)[0]
 
 
-def parse_sdf_bool(text: str) -> bool | None:
-    """Return the bool that a text is to SDF, or None."""
-    return parse_bool({"1": "true", "0": "false"}.get(text, text))
-
-
 def report_unread(robot: Robot, report: LoadReport) -> None:
     """Report parameters of the plugins' nodes, and tags, that no simulator reads."""
     simulators = gazebo_nodes(robot.description)
@@ -140,14 +135,8 @@ def _report_tags(
             what = f"<{tag}>: no <ros2_control> block is for {simulator}"
             if simulator in used:
                 what = f"<{tag}>: {simulator} has no such tag"
-            where = place_of(plugin)
-            file = description.file
+            where, file = plugin.place, description.file
             report.add("info", "ignored", what, _NO_EFFECT, where=where, file=file)
-
-
-def place_of(plugin: GazeboPlugin) -> str:
-    """Return how a plugin is called in the report."""
-    return f"Gazebo plugin {plugin.name or plugin.filename!r}"
 
 
 def _places(parameters: Parameters) -> set[tuple[str, Path, int]]:
@@ -265,7 +254,7 @@ class _Finder:
                 return number
             if number is not None:  # Else it is in the load report.
                 what = f"{POSITION_GAIN}: {expected} {number}"
-                self._note(what, _UNSET, place_of(plugin))
+                self._note(what, _UNSET, plugin.place)
         return None
 
     def _add_tags(

@@ -52,12 +52,37 @@ def numbers(
 
 
 # Elements are nested so deep at most; the functions that read them are recursive.
-_MAX_DEPTH = 200
+MAX_DEPTH = 200
 
 # So much of a line is shown.
 _MAX_SHOWN = 80
 
 _BOOLS = {"true": True, "false": False}
+
+
+def declare_prefixes(text: str) -> str:
+    """Return an XML text with all its prefixes declared; urdfdom asks for none."""
+    data = text.encode(errors="replace")
+    # Prefixes that tags and attributes have, those that the root declares, and where
+    # its name ends.
+    used: dict[str, None] = {}
+    declared, ends = {"", "xml", "xmlns"}, list[int]()
+    parser = expat.ParserCreate("utf-8")
+
+    def start(tag: str, attributes: Mapping[str, str]) -> None:
+        names = [name.partition(":") for name in (tag, *attributes)]
+        used.update((prefix, None) for prefix, colon, _ in names if colon)
+        if not ends:
+            ends.append(parser.CurrentByteIndex + len(f"<{tag}".encode()))
+            declared.update(name for prefix, _, name in names if prefix == "xmlns")
+
+    parser.StartElementHandler = start
+    with contextlib.suppress(expat.ExpatError):
+        parser.Parse(data, True)
+    lacking = "".join(f' xmlns:{p}="{p}"' for p in used if p not in declared)
+    if not lacking:
+        return text
+    return f"{data[: ends[0]].decode()}{lacking}{data[ends[0] :].decode()}"
 
 
 def parse_xml(text: str, file: Path) -> ET.Element:
@@ -73,8 +98,8 @@ def parse_xml(text: str, file: Path) -> ET.Element:
     depth, level = 0, [root]
     while level:
         depth, level = depth + 1, [child for element in level for child in element]
-        if depth > _MAX_DEPTH:
-            problem = f"elements are nested more than {_MAX_DEPTH} deep"
+        if depth > MAX_DEPTH:
+            problem = f"elements are nested more than {MAX_DEPTH} deep"
             raise DescriptionError(f"{problem}; no URDF needs that", file=file)
     return root
 
@@ -129,9 +154,36 @@ def parse_number(text: str) -> float | None:
     return None if number is None or math.isnan(number) else number
 
 
+def parse_floats(text: str) -> tuple[float, ...] | None:
+    """Return the finite numbers that a text consists of, or None."""
+    found = [parse_float(word) for word in text.split()]
+    known = tuple(x for x in found if x is not None and math.isfinite(x))
+    return known if len(known) == len(found) else None
+
+
 def parse_bool(text: str) -> bool | None:
     """Return the bool that a text is, in any letter case, or None."""
     return _BOOLS.get(text.lower())
+
+
+def parse_sdf_bool(text: str) -> bool | None:
+    """Return the bool that a text is to SDF, or None."""
+    text = text.strip()
+    return parse_bool({"1": "true", "0": "false"}.get(text, text))
+
+
+def parse_sdf_pose(pose: ET.Element) -> tuple[float, ...] | None:
+    """Return the numbers of a `<pose>` of SDF, None if they are none.
+
+    They are x, y, z [m] and roll, pitch, yaw [rad], or a quaternion x, y, z, w.
+    """
+    found = parse_floats(pose.text or "")
+    is_quaternion = attribute(pose, "rotation_format") == "quat_xyzw"
+    if found is None or len(found) != 6 + is_quaternion:
+        return None
+    if is_quaternion or not parse_sdf_bool(attribute(pose, "degrees")):
+        return found
+    return (*found[:3], *map(math.radians, found[3:]))
 
 
 def attribute(element: ET.Element, name: str) -> str:

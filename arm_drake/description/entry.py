@@ -6,7 +6,7 @@ and of examples.
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from arm_drake.errors import (
@@ -129,6 +129,13 @@ _MAX_LISTED = 20
 _MAX_EXAMPLES = 3
 
 Source = str | os.PathLike[str]
+
+
+def listed(sources: Source | Sequence[Source]) -> list[Path]:
+    """Return the paths of one source or of several."""
+    several = [sources] if isinstance(sources, str | os.PathLike) else sources
+    return [Path(source) for source in several]
+
 
 # What messages call a description that is given as a text.
 TEXT = "<robot_description>"

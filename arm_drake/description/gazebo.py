@@ -13,13 +13,13 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from arm_drake.description.elements import (
     ElementReader,
     attribute,
-    parse_bool,
     parse_number,
+    parse_sdf_bool,
     text_of,
 )
 from arm_drake.description.gazebo_plugins import (
@@ -36,6 +36,7 @@ from arm_drake.description.gazebo_plugins import (
     VelocityControl,
     WheelDrive,
 )
+from arm_drake.description.joints import JointInfo, Mimic
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import MISSPELT, find_close, suggest
 from arm_drake.importing import dataclass
@@ -58,21 +59,31 @@ _MOVING = re.compile(
     r"|gazebo_ros_(tricycle_drive|force|hand_of_god)"
 )
 
+# Libraries that let a joint follow another one, which Gazebo Classic itself doesn't.
+_MIMIC = re.compile(r"(roboticsgroup_(upatras_)?)?gazebo_mimic_joint_plugin")
+
 # Tags of a joint that keep Gazebo from merging the links that it holds together.
 KEEPING = ("preserveFixedJoint", "disableFixedJointLumping")
 
-# What publishes what IMUs measure, and whether as Gazebo's own plugin does.
-_IMU_PLUGINS = {"gazebo_ros_imu_sensor": True, "gazebo_ros_create_imu": False}
+# Tags of a link that say whether gravity acts on it, with what they usually say.
+_WEIGHT: Mapping[str, bool] = {"gravity": True, "turnGravityOff": False}
 
-# What publishes what cameras and lidars see.
-_PERCEPTION = (
-    "gazebo_ros_camera",
-    "gazebo_ros_depth_camera",
-    "gazebo_ros_openni_kinect",
-    "gazebo_ros_multicamera",
-    "gazebo_ros_ray_sensor",
-    "realsense_gazebo_plugin",
-)
+# The plugin of RealSense's maker for its cameras, and Gazebo's own for IMUs.
+_REALSENSE = "realsense_gazebo_plugin"
+PLAIN_IMU = "gazebo_ros_imu_sensor"
+
+# Libraries of Gazebo Classic that publish what sensors of some sort measure.
+_SENSOR_LIBRARIES: Mapping[str, Literal["bumper", "imu", "perception"]] = {
+    "gazebo_ros_bumper": "bumper",
+    PLAIN_IMU: "imu",
+    "gazebo_ros_create_imu": "imu",
+    "gazebo_ros_camera": "perception",
+    "gazebo_ros_depth_camera": "perception",
+    "gazebo_ros_openni_kinect": "perception",
+    "gazebo_ros_multicamera": "perception",
+    "gazebo_ros_ray_sensor": "perception",
+    _REALSENSE: "perception",
+}
 
 
 @dataclass(frozen=True)
@@ -101,34 +112,32 @@ class GazeboPlugin:
         return next(filter(None, self.texts(tag)), "")
 
     @property
-    def is_bumper(self) -> bool:
-        """Whether it publishes what a contact sensor of Gazebo Classic feels."""
-        return self._library == "gazebo_ros_bumper"
+    def place(self) -> str:
+        """What it is called in the report."""
+        return f"Gazebo plugin {self.name or self.filename!r}"
 
     @property
-    def is_imu(self) -> bool:
-        """Whether it publishes what an IMU of Gazebo Classic measures."""
-        return self._library in _IMU_PLUGINS
+    def sensor(self) -> Literal["bumper", "imu", "perception", ""]:
+        """The sort of Gazebo Classic's sensors that it publishes, "" if none.
 
-    @property
-    def is_plain_imu(self) -> bool:
-        """Whether it does so as Gazebo's own plugin, not as one made after that."""
-        return _IMU_PLUGINS.get(self._library, False)
-
-    @property
-    def is_perception(self) -> bool:
-        """Whether it publishes what a camera or lidar of Gazebo Classic sees."""
-        return self._library in _PERCEPTION
+        Perception is what cameras and lidars see.
+        """
+        return _SENSOR_LIBRARIES.get(self.library, "")
 
     @property
     def is_realsense(self) -> bool:
         """Whether it publishes what the sensors of a RealSense see, by their names."""
-        return self._library == "realsense_gazebo_plugin"
+        return self.library == _REALSENSE
 
     @property
     def is_moving(self) -> bool:
         """Whether it would move the robot, but nothing stands in for it."""
-        return _MOVING.fullmatch(self._library) is not None
+        return _MOVING.fullmatch(self.library) is not None
+
+    @property
+    def is_mimic(self) -> bool:
+        """Whether it lets a joint follow another one."""
+        return _MIMIC.fullmatch(self.library) is not None
 
     @property
     def sensor_system(self) -> str:
@@ -136,11 +145,11 @@ class GazeboPlugin:
 
         That is "sensors", which are cameras and lidars, or a type; "" is none.
         """
-        match = _SENSORS.fullmatch(self._library)
+        match = _SENSORS.fullmatch(self.library)
         return match["kind"] if match else ""
 
     @property
-    def _library(self) -> str:
+    def library(self) -> str:
         """Its library without "lib" and ".so"."""
         library = re.split(r"[/\\]", self.filename)[-1]
         return library.removesuffix(".so").removeprefix("lib")
@@ -148,7 +157,7 @@ class GazeboPlugin:
     @property
     def kind(self) -> str:
         """Its key in `KINDS`; "other" if it neither moves nor reports joints."""
-        library = self._library
+        library = self.library
         if _ROS2_CONTROL.fullmatch(library):
             return "ros2_control"
         if match := _SYSTEM.fullmatch(library):
@@ -163,7 +172,7 @@ class GazeboPlugin:
     @property
     def is_like_ros2_control(self) -> bool:
         """Whether it has a controllers YAML as ros2_control's own, but another name."""
-        return _ROS2_CONTROL.fullmatch(self._library) is None and any(
+        return _ROS2_CONTROL.fullmatch(self.library) is None and any(
             name.endswith((".yaml", ".yml")) for name in self.texts("parameters")
         )
 
@@ -189,6 +198,37 @@ def read_plugins(parent: ET.Element, reference: str) -> Iterator[GazeboPlugin]:
         )
 
 
+def add_mimics(
+    joints: Sequence[JointInfo],
+    plugins: Collection[GazeboPlugin],
+    report: LoadReport,
+    file: Path,
+) -> tuple[JointInfo, ...]:
+    """Return the joints, with a mimic where a plugin alone lets them follow."""
+    found = {joint.name: joint for joint in joints}
+    for plugin in (each for each in plugins if each.is_mimic):
+        reader = ElementReader(f"Gazebo plugin {plugin.name!r}", report, file)
+        master, name = plugin.text("joint"), plugin.text("mimicJoint")
+        if name not in found:
+            what = f"<mimicJoint> {name!r}, which doesn't exist; {suggest(name, found)}"
+            reader.note("warning", "invalid", what, "the plugin is left out")
+            continue
+        factor = reader.finite(plugin.text("multiplier") or "1", "multiplier")
+        offset = reader.finite(plugin.text("offset") or "0", "offset")
+        mimic = Mimic(master, 1.0 if factor is None else factor, offset or 0.0)
+        stated = found[name].mimic
+        if stated is None:
+            found[name] = dc.replace(found[name], mimic=mimic)
+            what = f"lets it follow {master!r}; the URDF doesn't"
+            where = f"joint {name!r}"
+            reader.note("info", "repair", what, "taken as its <mimic>", where)
+        elif stated != mimic:
+            what = f"{name} = {mimic.multiplier:g} {master} + {mimic.offset:g}, in the "
+            what += f"URDF {stated.multiplier:g} {stated.joint} + {stated.offset:g}"
+            reader.note("warning", "invalid", what, "the URDF counts")
+    return tuple(found.values())
+
+
 def report_gazebo(
     root: ET.Element,
     report: LoadReport,
@@ -207,13 +247,7 @@ def report_gazebo(
     """
     holders = {f"sensor {name!r}" for name in sensors}
     found = read_gazebo_plugins(root)
-    moving = dict.fromkeys(repr(each.filename) for each in found if each.is_moving)
-    if moving:
-        what = (
-            f"Gazebo plugins {', '.join(moving)} move the robot; they aren't simulated"
-        )
-        done = "controllers and the plugins that are simulated move it alone"
-        report.add("warning", "unsupported", what, done, file=file)
+    _report_moving(found, report, file)
     alike = [each for each in found if each.is_like_ros2_control]
     if alike:
         names = ", ".join(repr(each.filename or each.name) for each in alike)
@@ -224,11 +258,8 @@ def report_gazebo(
         repr(plugin.filename or plugin.name)
         for plugin in found
         if plugin.kind == "other"
-        and not plugin.is_moving
-        and not (
-            plugin.holder in holders
-            and (plugin.is_bumper or plugin.is_imu or plugin.is_perception)
-        )
+        and not (plugin.is_moving or plugin.is_mimic)
+        and not (plugin.holder in holders and plugin.sensor)
         and plugin.sensor_system not in systems
         and not (plugin.is_realsense and sees)
     )
@@ -237,7 +268,7 @@ def report_gazebo(
         for gazebo in root.iterfind("gazebo")
         for child in gazebo
         # Friction and links that stay apart have an effect, sensors their own lines.
-        if child.tag not in ("plugin", "mu1", "sensor", *KEEPING)
+        if child.tag not in ("plugin", "mu1", "sensor", *KEEPING, *_WEIGHT)
         and not _states_friction(child)
     )
     for sort, counts in (("Gazebo plugins", plugins), ("<gazebo> tags", tags)):
@@ -249,6 +280,19 @@ def report_gazebo(
             what = f"{sort} {names}"
             report.add("info", "ignored", what, "they have no effect", file=file)
     _report_friction(root, report, file)
+    _report_weight(root, report, file)
+
+
+def _report_moving(
+    plugins: Sequence[GazeboPlugin], report: LoadReport, file: Path
+) -> None:
+    """Report plugins that would move the robot, but nothing stands in for them."""
+    moving = dict.fromkeys(repr(each.filename) for each in plugins if each.is_moving)
+    if moving:
+        what = f"Gazebo plugins {', '.join(moving)} move the robot; "
+        what += "they aren't simulated"
+        done = "controllers and the plugins that are simulated move it alone"
+        report.add("warning", "unsupported", what, done, file=file)
 
 
 def _states_friction(child: ET.Element) -> bool:
@@ -261,14 +305,34 @@ def _states_friction(child: ET.Element) -> bool:
 def _report_friction(root: ET.Element, report: LoadReport, file: Path) -> None:
     """Report the friction of what is no link."""
     links = [attribute(link, "name") for link in root.iterfind("link")]
+    joints = {attribute(joint, "name") for joint in root.iterfind("joint")}
     for gazebo in root.iterfind("gazebo"):
-        reference = attribute(gazebo, "reference")
+        reference, where = attribute(gazebo, "reference"), ""
         if gazebo.find("mu1") is not None and reference not in links:
             what = "<mu1> in a tag without reference, that is, of no link"
-            if reference:
+            if reference in joints:
+                where, what = f"joint {reference!r}", "<mu1> of a joint"
+            elif reference:
                 what = f"<mu1> of {reference!r}, which is no link; "
                 what += suggest(reference, links)
-            report.add("warning", "ignored", what, "it has no effect", file=file)
+            done = "it has no effect"
+            report.add("warning", "ignored", what, done, where=where, file=file)
+
+
+def _report_weight(root: ET.Element, report: LoadReport, file: Path) -> None:
+    """Report links on which gravity doesn't act in Gazebo."""
+    for gazebo in root.iterfind("gazebo"):
+        where = f"link {attribute(gazebo, 'reference')!r}"
+        said = {e.tag: _value(e) for e in gazebo if e.tag in _WEIGHT}
+        for tag, text in said.items():
+            if (text.lower() in ("true", "yes", "1")) != _WEIGHT[tag]:
+                what, done = f"<{tag}> is {text!r}", "it has its weight here"
+                report.add("warning", "unsupported", what, done, where=where, file=file)
+
+
+def _value(element: ET.Element) -> str:
+    """Return the value of a tag below `<gazebo>`, an attribute or a text."""
+    return attribute(element, "value") or text_of(element)
 
 
 def _plugins(parent: ET.Element, holder: str) -> Iterator[tuple[str, ET.Element]]:
@@ -304,8 +368,7 @@ def read_joint_plugins(
     found = []
     for plugin in plugins:
         if plugin.kind != "other":
-            place = f"Gazebo plugin {plugin.name or plugin.filename!r}"
-            reader = _FieldReader(place, report, file)
+            reader = _FieldReader(plugin.place, report, file)
             if (typed := reader.read(plugin, joint_names)) is not None:
                 found.append(typed)
     return tuple(found)
@@ -383,7 +446,7 @@ class _FieldReader(ElementReader):
             if number is not None and number.is_integer():
                 return int(number)
             return self.expected(tag, "an integer", text)
-        value = parse_bool({"1": "true", "0": "false"}.get(text, text))
+        value = parse_sdf_bool(text)
         if value is None:
             self.expected(tag, "true or false", text)
         return value
@@ -529,7 +592,7 @@ def read_friction(root: ET.Element, links: Collection[str]) -> dict[str, float]:
         link = attribute(gazebo, "reference")
         for path in ("mu1", _FRICTION):
             for element in gazebo.iterfind(path):
-                mu = parse_number(text_of(element))
+                mu = parse_number(_value(element))
                 if mu is not None and mu >= 0.0 and link in links:
                     found[link] = min(mu, _USUAL_FRICTION)
     return found

@@ -15,19 +15,17 @@ from typing import ClassVar, Final
 from arm_drake.description.elements import (
     ElementReader,
     attribute,
-    parse_bool,
-    parse_number,
+    parse_sdf_bool,
+    parse_sdf_pose,
     text_of,
 )
-from arm_drake.description.gazebo import KEEPING, GazeboPlugin, read_plugins
+from arm_drake.description.gazebo import KEEPING, PLAIN_IMU, GazeboPlugin, read_plugins
 from arm_drake.description.gazebo_plugins import ImuSensorTag, Noise
 from arm_drake.description.joints import WORLD, JointInfo
+from arm_drake.description.links import Pose
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import suggest
 from arm_drake.importing import dataclass
-
-# x, y, z [m], roll, pitch, yaw [rad].
-Pose = tuple[float, float, float, float, float, float]
 
 CONTACT: Final = "contact"
 IMU: Final = "imu"
@@ -85,7 +83,7 @@ class GazeboSensor:
     @property
     def bumper(self) -> GazeboPlugin | None:
         """The plugin of Gazebo Classic that publishes contacts, if it has one."""
-        return next((p for p in self.plugins if p.is_bumper), None)
+        return next((p for p in self.plugins if p.sensor == "bumper"), None)
 
 
 def read_gazebo_sensors(
@@ -291,12 +289,12 @@ class _ImuReader(SensorReader):
             has_orientation=enabled is not False,
             reference=self._reference(imu),
         )
-        plugin = next((p for p in plugins if p.is_imu), None)
+        plugin = next((p for p in plugins if p.sensor == "imu"), None)
         return tag if plugin is None else self._of_classic(tag, plugin)
 
     def _of_classic(self, tag: ImuSensorTag, plugin: GazeboPlugin) -> ImuSensorTag:
         """Return an IMU as the plugin of Gazebo Classic publishes it."""
-        if not plugin.is_plain_imu:
+        if plugin.library != PLAIN_IMU:
             what = f"plugin {plugin.filename!r}"
             done = "run as libgazebo_ros_imu_sensor.so, whose accelerations are less "
             done += "that of free fall: 9.81 upwards at rest"
@@ -320,7 +318,7 @@ class _ImuReader(SensorReader):
 
     def _boolean(self, name: str, text: str) -> bool | None:
         """Return the bool that a text is, None where it is not given."""
-        value = parse_bool({"1": "true", "0": "false"}.get(text, text))
+        value = parse_sdf_bool(text)
         if text and value is None:
             self.expected(name, "true or false", text)
         return value
@@ -409,11 +407,10 @@ def read_sensor_pose(element: ET.Element, report: LoadReport, file: Path) -> Pos
     tag, text = element.find("pose"), text_of(element, "pose")
     if tag is None:
         return (0.0,) * 6
-    numbers = [parse_number(part) for part in text.split()]
-    known = [n for n in numbers if n is not None and math.isfinite(n)]
+    numbers = parse_sdf_pose(tag)
     where = f"sensor {attribute(element, 'name')!r}"
-    if len(numbers) != 6 or len(known) != 6:
-        known = [0.0] * 6
+    if numbers is None or len(numbers) != 6:
+        numbers = (0.0,) * 6
         if text:
             what = f"pose: expected x, y, z, roll, pitch, yaw, got {text!r}"
             done = "it is where its link is"
@@ -422,7 +419,5 @@ def read_sensor_pose(element: ET.Element, report: LoadReport, file: Path) -> Pos
         what = f"pose: relative_to {other!r}"
         done = "it is taken as relative to the link"
         report.add("warning", "ignored", what, done, where=where, file=file)
-    if parse_bool(attribute(tag, "degrees")):
-        known[3:] = map(math.radians, known[3:])
-    x, y, z, roll, pitch, yaw = known
+    x, y, z, roll, pitch, yaw = numbers
     return (x, y, z, roll, pitch, yaw)

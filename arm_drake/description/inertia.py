@@ -24,6 +24,7 @@ from arm_drake.description.links import (
     LinkInfo,
     Origin,
     ShapeInfo,
+    Transform,
 )
 from arm_drake.description.report import LoadReport, Severity
 from arm_drake.errors import quoted
@@ -52,8 +53,9 @@ class Inertial:
     # About the centre of mass [kg·m^2], shape (3, 3).
     inertia: Array
 
-    def moved(self, R_AB: Array, p_AB: Array) -> "Inertial":
+    def moved(self, X_AB: Transform) -> "Inertial":
         """Return the same, given in frame B, in frame A."""
+        R_AB, p_AB = X_AB.rotation, X_AB.position
         return Inertial(
             self.mass, R_AB @ self.center + p_AB, R_AB @ self.inertia @ R_AB.T
         )
@@ -166,7 +168,7 @@ def placed_solid(shape: ShapeInfo) -> Inertial | None:
     solid = _solid(shape.geometry)
     if solid is None or not _VOLUMES[0] < solid.mass < _VOLUMES[1]:
         return None
-    return solid.moved(shape.origin.rotation, shape.origin.position)
+    return solid.moved(shape.origin.transform)
 
 
 def _solid(geometry: Geometry) -> Inertial | None:
@@ -206,15 +208,16 @@ def _mesh_solid(filename: str) -> Inertial | None:
     upper = np.max([place["max"] for place in places], axis=0)
     # glTF is y-up; `gltf` turned it.
     turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    return box(upper - lower).moved(turn, turn @ (lower + upper) / 2.0)
+    place = Transform(turn, turn @ (lower + upper) / 2.0)
+    return box(upper - lower).moved(place)
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
     """Links that move as one."""
 
-    # Name of each link, its rotation and position in the frame of the first one.
-    links: list[tuple[str, Array, Array]]
+    # Name of each link, and its pose in the frame of the first one.
+    links: list[tuple[str, Transform]]
 
     # The joint that moves it; None if nothing holds it.
     joint: JointInfo | None
@@ -267,13 +270,12 @@ def _children(joints: Sequence[JointInfo]) -> Mapping[str, Sequence[JointInfo]]:
 
 def _welded(
     first: str, children: Mapping[str, Sequence[JointInfo]]
-) -> list[tuple[str, Array, Array]]:
-    body = [(first, np.eye(3), np.zeros(3))]
-    for name, R, p in body:
+) -> list[tuple[str, Transform]]:
+    body = [(first, Transform())]
+    for name, X in body:
         for weld in children.get(name, []):
             if weld.type == "fixed":
-                at = R @ weld.origin.position + p
-                body.append((weld.child, R @ weld.origin.rotation, at))
+                body.append((weld.child, X @ weld.origin.transform))
     return body
 
 
@@ -390,10 +392,10 @@ class _Repair:
         """Return the links, changed so that these bodies can move."""
         total = sum(link.mass for link in self._links.values())
         for body in bodies:
-            names = [name for name, _, _ in body.links]
+            names = [name for name, _ in body.links]
             if all(self._links[name].mass == 0.0 for name in names):
                 self._add_mass(names, total, f"no mass, but {body.mover} it")
-            placed = [self._inertial(name).moved(R, p) for name, R, p in body.links]
+            placed = [self._inertial(name).moved(X) for name, X in body.links]
             if not body.can_turn(union(placed), _NOTHING):
                 for name in names:
                     self._thicken(name, f"no inertia about {body.about}")
@@ -405,7 +407,7 @@ class _Repair:
         if info is None:
             return Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
         inertial = Inertial(info.mass, np.zeros(3), info.tensor)
-        return inertial.moved(info.origin.rotation, info.origin.position)
+        return inertial.moved(info.origin.transform)
 
     def _mend(self, link: LinkInfo, info: InertialInfo) -> None:
         """Mend a link's inertial if no body can have it."""

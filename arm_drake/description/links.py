@@ -30,6 +30,9 @@ from arm_drake.importing import dataclass
 
 Vector = tuple[float, float, float]
 
+# x, y, z [m], roll, pitch, yaw [rad].
+Pose = tuple[float, float, float, float, float, float]
+
 # Red, green, blue, alpha, from 0 to 1.
 Color = tuple[float, float, float, float]
 
@@ -41,6 +44,24 @@ _DRAKE = "http://drake.mit.edu"
 
 # Squares and products of larger numbers are more than numbers can hold.
 _LARGEST = 1e15
+
+
+@dataclass(frozen=True, eq=False)
+class Transform:
+    """A pose that can be multiplied, which Drake isn't needed for."""
+
+    # The rotation, shape (3, 3), and the position [m], shape (3,).
+    rotation: Array = dc.field(default_factory=lambda: np.eye(3))
+    position: Array = dc.field(default_factory=lambda: np.zeros(3))
+
+    def __matmul__(self, other: "Transform") -> "Transform":
+        """Return X_AC of X_AB and X_BC."""
+        place = self.position + self.rotation @ other.position
+        return Transform(self.rotation @ other.rotation, place)
+
+    def inverse(self) -> "Transform":
+        """Return X_BA of X_AB."""
+        return Transform(self.rotation.T, -self.rotation.T @ self.position)
 
 
 @dataclass(frozen=True)
@@ -69,6 +90,11 @@ class Origin:
     def position(self) -> Array:
         """The position [m], shape (3,)."""
         return np.array(self.xyz)
+
+    @property
+    def transform(self) -> Transform:
+        """Both, to be multiplied."""
+        return Transform(self.rotation, self.position)
 
 
 @dataclass(frozen=True)
@@ -201,7 +227,7 @@ def read_origin(element: ET.Element, file: Path, where: str) -> Origin:
 
 
 # Attributes of primitives, and how many numbers each holds.
-_SIZES = {
+SIZES = {
     "box": {"size": 3},
     "sphere": {"radius": 1},
     "cylinder": {"radius": 1, "length": 1},
@@ -404,10 +430,10 @@ class _ShapeReader:
         return [ShapeInfo(mesh, origin, name) for mesh in drawn]
 
     def _read_primitive(self, shape: ET.Element, where: str) -> Geometry:
-        if shape.tag not in _SIZES:
+        if shape.tag not in SIZES:
             raise _UnfitError(f"<{shape.tag}>, which is no geometry of a URDF")
         found: dict[str, Any] = {}
-        for name, count in _SIZES[shape.tag].items():
+        for name, count in SIZES[shape.tag].items():
             part = f"<{shape.tag} {name}>"
             sizes = numbers(shape.get(name, ""), self.file, where, part)
             if len(sizes) != count or not all(0.0 < size < math.inf for size in sizes):

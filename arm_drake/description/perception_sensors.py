@@ -21,6 +21,7 @@ from arm_drake.description.elements import (
     attribute,
     free_name,
     parse_float,
+    parse_sdf_bool,
     text_of,
 )
 from arm_drake.description.gazebo import (
@@ -31,12 +32,12 @@ from arm_drake.description.gazebo import (
 from arm_drake.description.gazebo_plugins import Noise
 from arm_drake.description.gazebo_sensors import (
     FRAME_TAGS,
-    Pose,
     SensorReader,
     read_sensor_pose,
     referred_link,
 )
 from arm_drake.description.joints import JointInfo
+from arm_drake.description.links import Pose
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import suggest
 from arm_drake.importing import dataclass
@@ -327,7 +328,7 @@ class _SensorReader(SensorReader):
         links: Collection[str],
     ) -> PerceptionSensor:
         """Return what all sensors have."""
-        plugin = next((p for p in plugins if p.is_perception), None)
+        plugin = next((p for p in plugins if p.sensor == "perception"), None)
         for other in plugins:
             if other is not plugin:
                 what = f"plugin {other.filename or other.name!r}"
@@ -359,7 +360,7 @@ class _SensorReader(SensorReader):
             topic=text_of(element, "topic"),
             plugin=plugin,
             noise=self._noise(element),
-            visualize=text_of(element, "visualize") in ("true", "1"),
+            visualize=parse_sdf_bool(text_of(element, "visualize")) is True,
         )
 
     def raw(self, element: ET.Element | None, path: str, default: float) -> float:
@@ -455,7 +456,7 @@ class _SensorReader(SensorReader):
             what = f"{start}CameraInfoTopicName {wanted!r}"
             done = f"it is {info!r}, beside the picture, as upstream's"
             self.note("info", "ignored", what, done)
-        if sensor.has_depth and plugin.text("pointCloud") in ("true", "1"):
+        if sensor.has_depth and parse_sdf_bool(plugin.text("pointCloud")):
             topics["points"] = plugin.text("pointCloudTopicName")
         for key, name in topics.items():
             if not name:

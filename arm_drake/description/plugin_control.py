@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from arm_drake import interfaces
-from arm_drake.description.base_wheels import first_collision, place_in_root
+from arm_drake.description.base_wheels import first_collision, pose_in_root
 from arm_drake.description.claimed_hardware import claimed_joints, make_block
 from arm_drake.description.controllers import (
     MANAGER,
@@ -515,7 +515,8 @@ def _with_measures(
         if found is None:
             return plugin
         owner, shape = found
-        centers.append(place_in_root(description, owner, shape.origin.position))
+        placed = pose_in_root(description, owner, shape.origin.transform)
+        centers.append(placed.position)
         radii.append(shape.wheel_radius)
     front_right, front_left, rear_right, rear_left = centers
     axles = (front_left + front_right) / 2.0 - (rear_left + rear_right) / 2.0

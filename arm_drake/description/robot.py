@@ -12,6 +12,7 @@ from arm_drake.description.bridge import TopicAlias
 from arm_drake.description.controllers import ControllerManagerConfig
 from arm_drake.description.gazebo_plugins import Ros2ControlPlugin
 from arm_drake.description.joints import FREE_TYPES, links_on
+from arm_drake.description.links import Pose
 from arm_drake.description.packages import package_name
 from arm_drake.description.report import LoadReport
 from arm_drake.description.sensors import SensorInfo
@@ -81,10 +82,6 @@ def _package_at(folder: str) -> str | None:
     """Return the name of the package that a folder is, if it is one."""
     manifest = Path(folder, "package.xml")
     return package_name(manifest) if os.path.isfile(manifest) else None
-
-
-# Pose of a robot's base in the world: x, y, z [m], roll, pitch, yaw [rad].
-Pose = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True, eq=False)

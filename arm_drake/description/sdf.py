@@ -25,14 +25,16 @@ import numpy as np
 from arm_drake.arrays import Array
 from arm_drake.description.elements import (
     attribute,
-    parse_bool,
+    parse_floats,
     parse_number,
+    parse_sdf_bool,
+    parse_sdf_pose,
     parse_xml,
     text_of,
 )
 from arm_drake.description.gazebo import read_plugins
 from arm_drake.description.joints import WORLD
-from arm_drake.description.links import Origin
+from arm_drake.description.links import SIZES, Origin, Transform
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.errors import DescriptionError, suggest
 from arm_drake.importing import dataclass
@@ -53,14 +55,6 @@ _NO_LIMIT = 1e15
 
 # The frame of axes before version 1.5 of SDF was the model's.
 _AXES_IN_JOINT = (1, 5)
-
-# Geometries by the tags of their measures; SDF writes them as elements.
-_GEOMETRIES = {
-    "box": ("size",),
-    "sphere": ("radius",),
-    "cylinder": ("radius", "length"),
-    "capsule": ("radius", "length"),
-}
 
 # What has a frame in a model, and what of it a joint may connect.
 _HOLDERS = ("link", "joint", "frame")
@@ -117,27 +111,15 @@ def convert_sdf(text: str, file: Path, report: LoadReport, find: FileFinder) -> 
     return _Model(model, file, report, find, has_axes_in_model=is_old).write()
 
 
-def _matrix(origin: Origin) -> Array:
-    X = np.eye(4)
-    X[:3, :3], X[:3, 3] = origin.rotation, origin.position
-    return X
-
-
-def _inverse(X: Array) -> Array:
-    Y = np.eye(4)
-    Y[:3, :3], Y[:3, 3] = X[:3, :3].T, -X[:3, :3].T @ X[:3, 3]
-    return Y
-
-
-def _origin(X: Array) -> Origin:
+def _origin(X: Transform) -> Origin:
     """Return a pose as URDF writes it."""
-    R = X[:3, :3]
+    R = X.rotation
     pitch = math.atan2(-R[2, 0], math.hypot(R[2, 1], R[2, 2]))
     if abs(R[2, 0]) < 1.0 - 1e-12:
         roll, yaw = math.atan2(R[2, 1], R[2, 2]), math.atan2(R[1, 0], R[0, 0])
     else:
         roll, yaw = 0.0, math.atan2(-R[0, 1], R[1, 1])
-    x, y, z = X[:3, 3]
+    x, y, z = X.position
     # Digits beyond those of an angle's cosine are noise, and negative zeros confuse.
     numbers = [round(float(n), 12) + 0.0 for n in (x, y, z, roll, pitch, yaw)]
     return Origin(tuple(numbers[:3]), tuple(numbers[3:]))  # type: ignore[arg-type]
@@ -214,7 +196,7 @@ class _Model:
         return {attribute(e, "name"): e for e in self.model if e.tag in _HOLDERS}
 
     @functools.cached_property
-    def _poses(self) -> dict[str, Array]:
+    def _poses(self) -> dict[str, Transform]:
         """Poses of them in the model that are known already."""
         return {}
 
@@ -257,10 +239,10 @@ class _Model:
                 break
         return name
 
-    def _frame(self, name: str, passed: tuple[str, ...] = ()) -> Array:
-        """Return the pose of a link, joint or frame in the model, shape (4, 4)."""
+    def _frame(self, name: str, passed: tuple[str, ...] = ()) -> Transform:
+        """Return the pose of a link, joint or frame in the model."""
         if name in ("", _MODEL, WORLD):
-            return np.eye(4)
+            return Transform()
         if name in self._poses:
             return self._poses[name]
         if name not in self._holders:
@@ -280,40 +262,32 @@ class _Model:
 
     def _placed(
         self, element: ET.Element, default: str, passed: tuple[str, ...] = ()
-    ) -> Array:
+    ) -> Transform:
         """Return the pose of an element in the model; without a word in `default`."""
         pose = element.find("pose")
         other = "" if pose is None else attribute(pose, "relative_to")
         return self._frame(other or default, passed) @ self._pose(element)
 
-    def _pose(self, element: ET.Element) -> Array:
+    def _pose(self, element: ET.Element) -> Transform:
         """Return the pose that an element states."""
         pose = element.find("pose")
-        words = text_of(pose).split()
-        numbers = [parse_number(word) for word in words]
-        known = [n for n in numbers if n is not None and math.isfinite(n)]
-        is_quaternion = (
-            pose is not None and attribute(pose, "rotation_format") == "quat_xyzw"
-        )
-        if not words:
-            return np.eye(4)
-        if len(known) != len(numbers) or len(known) != 6 + is_quaternion:
-            expected = "x, y, z and " + "roll, pitch, yaw"
-            if is_quaternion:
-                expected = "x, y, z and a quaternion x, y, z, w"
-            what = f"pose: expected {expected}, got {text_of(pose)!r}"
+        if pose is None or not text_of(pose):
+            return Transform()
+        numbers = parse_sdf_pose(pose)
+        if numbers is None:
+            rotation = "roll, pitch, yaw"
+            if attribute(pose, "rotation_format") == "quat_xyzw":
+                rotation = "a quaternion x, y, z, w"
+            what = f"pose: expected x, y, z and {rotation}, got {text_of(pose)!r}"
             self._note("error", "invalid", what, "taken as not given", element)
-            return np.eye(4)
-        if is_quaternion:
-            X = np.eye(4)
-            X[:3, :3], X[:3, 3] = _rotation_of(np.array(known[3:])), known[:3]
-            return X
-        if pose is not None and _is_true(attribute(pose, "degrees")):
-            known[3:] = map(math.radians, known[3:])
-        x, y, z, roll, pitch, yaw = known
-        return _matrix(Origin((x, y, z), (roll, pitch, yaw)))
+            return Transform()
+        x, y, z, *angles = numbers
+        if len(angles) == 4:
+            return Transform(_rotation_of(np.array(angles)), np.array([x, y, z]))
+        roll, pitch, yaw = angles
+        return Origin((x, y, z), (roll, pitch, yaw)).transform
 
-    def _link_frame(self, name: str) -> Array:
+    def _link_frame(self, name: str) -> Transform:
         """Return the frame that a link has in the URDF, in the model."""
         joint = self._carriers.get(name)
         if joint is not None and self._type(joint) != "fixed":
@@ -327,7 +301,7 @@ class _Model:
     ) -> None:
         name = attribute(link, "name")
         written = ET.SubElement(robot, "link", name=name)
-        X_UM = _inverse(self._link_frame(name))
+        X_UM = self._link_frame(name).inverse()
         inertial = link.find("inertial")
         self._write_inertial(written, inertial, link, X_UM)
         for shape in link:
@@ -355,7 +329,7 @@ class _Model:
         written: ET.Element,
         inertial: ET.Element | None,
         link: ET.Element,
-        X_UM: Array,
+        X_UM: Transform,
     ) -> None:
         """Write mass and inertia; what isn't said is 1 kg and 1 kg·m^2, as in SDF."""
         X = X_UM @ self._frame(attribute(link, "name"))
@@ -365,7 +339,7 @@ class _Model:
         if inertial is not None:
             X = X_UM @ self._placed(inertial, attribute(link, "name"))
             mass = text_of(inertial, "mass") or mass
-            if _is_true(attribute(inertial, "auto")):
+            if parse_sdf_bool(attribute(inertial, "auto")):
                 what, done = "<inertial auto>", f"its mass is {mass} kg"
                 self._note("warning", "unsupported", what, done, link)
             moments |= {
@@ -379,13 +353,13 @@ class _Model:
         ET.SubElement(part, "inertia", moments)
 
     def _write_shape(
-        self, written: ET.Element, link: ET.Element, shape: ET.Element, X: Array
+        self, written: ET.Element, link: ET.Element, shape: ET.Element, X: Transform
     ) -> None:
         geometry = shape.find("geometry")
         kind = next(iter(geometry), None) if geometry is not None else None
         if kind is None or kind.tag == "empty":
             return
-        if kind.tag not in (*_GEOMETRIES, "mesh"):
+        if kind.tag not in (*SIZES, "mesh"):
             what = f"geometry <{kind.tag}> of {shape.tag} {attribute(shape, 'name')!r}"
             severity: Severity = "error" if shape.tag == "collision" else "warning"
             self._note(severity, "unsupported", what, "it is left out", link)
@@ -399,7 +373,8 @@ class _Model:
             names = {"filename": uri if path is None else str(path)}
             ET.SubElement(place, "mesh", names | ({"scale": scale} if scale else {}))
         else:
-            measures = {tag: text_of(kind, tag) for tag in _GEOMETRIES[kind.tag]}
+            # SDF writes as elements what are attributes in URDF.
+            measures = {tag: text_of(kind, tag) for tag in SIZES[kind.tag]}
             ET.SubElement(place, kind.tag, measures)
         color = text_of(shape, "material/diffuse") or text_of(shape, "material/ambient")
         if shape.tag == "visual" and color:
@@ -409,11 +384,12 @@ class _Model:
             ET.SubElement(material, "color", rgba=rgba)
 
     def _friction(self, link: ET.Element) -> str:
-        """Return the friction of a link: what the first of its shapes states."""
+        """Return the friction of a link: that of the first of its shapes with one."""
         path = "collision/surface/friction/ode/mu"
-        return next((text_of(e) for e in link.iterfind(path)), "")
+        mu = self._number(link, link.find(path), "friction mu")
+        return "" if mu is None else _words((mu,))
 
-    def _place_sensor(self, sensor: ET.Element, X: Array) -> None:
+    def _place_sensor(self, sensor: ET.Element, X: Transform) -> None:
         for pose in sensor.findall("pose"):
             sensor.remove(pose)
         origin = _origin(X)
@@ -438,7 +414,7 @@ class _Model:
             severity: Severity = "info" if sort == "ball" else "warning"
             self._note(severity, "unsupported", what, done, joint)
         written = ET.SubElement(robot, "joint", name=name, type=self._type(joint))
-        X_PC = _inverse(self._link_frame(parent)) @ self._link_frame(child)
+        X_PC = self._link_frame(parent).inverse() @ self._link_frame(child)
         _write_origin(written, X_PC)
         ET.SubElement(written, "parent", link=parent)
         ET.SubElement(written, "child", link=child)
@@ -455,21 +431,20 @@ class _Model:
     def _write_axis(self, written: ET.Element, joint: ET.Element) -> None:
         axis = joint.find("axis")
         xyz = None if axis is None else axis.find("xyz")
-        words = [parse_number(word) for word in text_of(xyz).split()]
+        numbers = parse_floats(text_of(xyz)) or ()
         direction = np.array([0.0, 0.0, 1.0])
-        numbers = [n for n in words if n is not None and abs(n) < _NO_LIMIT]
-        if len(numbers) == len(words) == 3 and any(numbers):
+        if len(numbers) == 3 and 0.0 < max(map(abs, numbers)) < _NO_LIMIT:
             direction = np.array(numbers) / np.linalg.norm(numbers)
-        elif words:
+        elif text_of(xyz):
             what = f"axis: expected a direction x, y, z, got {text_of(xyz)!r}"
             self._note("error", "invalid", what, "taken as 0 0 1", joint)
         other = "" if xyz is None else attribute(xyz, "expressed_in")
         is_parents = text_of(axis, "use_parent_model_frame")
-        if not other and (self.has_axes_in_model or _is_true(is_parents)):
+        if not other and (self.has_axes_in_model or parse_sdf_bool(is_parents)):
             other = _MODEL
         if other:
-            R_MJ = self._frame(attribute(joint, "name"))[:3, :3]
-            direction = R_MJ.T @ self._frame(other)[:3, :3] @ direction
+            R_MJ = self._frame(attribute(joint, "name")).rotation
+            direction = R_MJ.T @ self._frame(other).rotation @ direction
         ET.SubElement(written, "axis", xyz=_words(np.round(direction, 12) + 0.0))
         if axis is None:
             return
@@ -496,27 +471,38 @@ class _Model:
         }
         if dynamics:
             ET.SubElement(written, "dynamics", dynamics)
-        self._write_mimic(written, axis)
+        self._write_mimic(written, joint, axis)
 
     def _limit(self, joint: ET.Element, axis: ET.Element, key: str) -> float:
         """Return a limit of a joint; infinity where SDF has none."""
         none = -math.inf if key == "lower" else math.inf
-        text = text_of(axis, f"limit/{key}")
-        number = parse_number(text)
-        if text and (number is None or math.isnan(number)):
-            what = f"limit {key}: expected a number, got {text!r}"
-            self._note("error", "invalid", what, "taken as not given", joint)
+        number = self._number(joint, axis.find(f"limit/{key}"), f"limit {key}")
         if number is None or not abs(number) < _NO_LIMIT:
             return none
         return number if key in _RANGE or number >= 0.0 else none
 
-    def _write_mimic(self, written: ET.Element, axis: ET.Element) -> None:
+    def _number(
+        self, owner: ET.Element, element: ET.Element | None, name: str
+    ) -> float | None:
+        """Return the number of an element of a link or joint, or None without one."""
+        text = text_of(element)
+        number = parse_number(text)
+        if number is not None and not math.isnan(number):
+            return number
+        if text:
+            what = f"{name}: expected a number, got {text!r}"
+            self._note("error", "invalid", what, "taken as not given", owner)
+        return None
+
+    def _write_mimic(
+        self, written: ET.Element, joint: ET.Element, axis: ET.Element
+    ) -> None:
         """Write that a joint follows another: m (leader - reference) + offset."""
         mimic = axis.find("mimic")
         if mimic is None:
             return
         factor, offset, reference = (
-            parse_number(text_of(mimic, tag)) or 0.0
+            self._number(joint, mimic.find(tag), f"mimic {tag}") or 0.0
             for tag in ("multiplier", "offset", "reference")
         )
         ET.SubElement(
@@ -531,15 +517,11 @@ class _Model:
 _RANGE = ("lower", "upper")
 
 
-def _is_true(text: str) -> bool:
-    return text == "1" or parse_bool(text) is True
-
-
 def _is_usual(child: ET.Element) -> bool:
     """Return whether an element of a link says what holds without it."""
     usual = {"gravity": True, "kinematic": False, "self_collide": False}
     return child.tag in usual and (
-        not text_of(child) or _is_true(text_of(child)) == usual[child.tag]
+        not text_of(child) or bool(parse_sdf_bool(text_of(child))) == usual[child.tag]
     )
 
 
@@ -555,7 +537,7 @@ def _rotation_of(quaternion: Array) -> Array:
     )
 
 
-def _write_origin(part: ET.Element, X: Array) -> None:
+def _write_origin(part: ET.Element, X: Transform) -> None:
     origin = _origin(X)
     if any((*origin.xyz, *origin.rpy)):
         xyz, rpy = _words(origin.xyz), _words(origin.rpy)

@@ -29,13 +29,12 @@ from arm_drake.description.gazebo_sensors import (
     GazeboSensor,
     referred_link,
 )
+from arm_drake.description.links import Pose
 from arm_drake.description.report import LoadReport, Severity
 from arm_drake.description.ros2_control import ComponentInfo
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import suggest
 from arm_drake.importing import dataclass
-
-Pose = tuple[float, float, float, float, float, float]
 
 _ORIGIN: Final[Pose] = (0.0,) * 6
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from arm_drake.description.controllers import ControllerManagerConfig
-from arm_drake.description.entry import Source, find_entry
+from arm_drake.description.entry import Source, find_entry, listed
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.robot import Robot
 from arm_drake.description.srdf import find_srdf_files
@@ -69,12 +69,12 @@ def files_of_failed(
     known which file is the robot's. The arguments are those of `load_robot`, and the
     error why it can't be loaded, which may name a file.
     """
-    files = {Path(file) for file in _listed(controllers or ())}
+    files = set(listed(controllers or ()))
     if error is not None:
         files.update(file_of(error))
     with contextlib.suppress(ArmDrakeError):
         entry, _ = find_entry(source)
-        packages = PackageFinder(entry, [Path(path) for path in _listed(package_paths)])
+        packages = PackageFinder(entry, listed(package_paths))
         # This one follows all includes whose names it can read, but no further; xacro
         # knows all names, up to what it fails on.
         sources = read_sources(entry, packages)
@@ -188,7 +188,3 @@ def _absolute(file: Path) -> Path:
     if ".." not in file.parts:
         return file.absolute()
     return file.parent.resolve() / file.name
-
-
-def _listed(sources: Source | Sequence[Source]) -> Sequence[Source]:
-    return [sources] if isinstance(sources, str | os.PathLike) else sources

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from arm_drake.description.elements import parse_xml, quote_attribute
 from arm_drake.description.gazebo import (
     GazeboPlugin,
+    add_mimics,
     read_friction,
     read_gazebo_plugins,
     read_joint_plugins,
@@ -43,7 +44,7 @@ from arm_drake.description.joints import (
     report_degrees,
     write_joint,
 )
-from arm_drake.description.links import LinkInfo, Origin, read_links, write_link
+from arm_drake.description.links import SIZES, LinkInfo, Origin, read_links, write_link
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport, Severity
 from arm_drake.description.ros2_control import (
@@ -248,11 +249,13 @@ def parse_urdf(
     )
     check_structure(links, joints, file)
     report_degrees(joints, file, report)
-    joints = drop_bad_mimics(joints, file, report)
-    hardware = read_hardware(root, [joint.name for joint in joints], report, file)
+    plugins = read_gazebo_plugins(root)
+    followers = add_mimics(joints, plugins, report, file)
+    joints = drop_bad_mimics(followers, file, report)
+    names = [joint.name for joint in joints]
+    hardware = read_hardware(root, names, report, file)
     joints = find_mimics(joints, hardware, report, file)
     joints = fit_mimic_limits(joints, file, report)
-    plugins = read_gazebo_plugins(root)
     report_hardware(hardware, report, file)
     sensors, seeing = _read_sensors(root, links, joints, hardware, report, file)
     report_unread(root, file, report)
@@ -272,9 +275,7 @@ def parse_urdf(
         joints=joints,
         hardware=hardware,
         gazebo_plugins=plugins,
-        joint_plugins=read_joint_plugins(
-            plugins, [joint.name for joint in joints], report, file
-        ),
+        joint_plugins=read_joint_plugins(plugins, names, report, file),
         gazebo_sensors=sensors,
         perception_sensors=seeing,
         friction=read_friction(root, links),
@@ -308,10 +309,7 @@ _READ: Mapping[str, tuple[str, ...]] = {
             "": ("name",),
             "/origin": ("xyz", "rpy"),
             "/geometry": (),
-            "/geometry/box": ("size",),
-            "/geometry/sphere": ("radius",),
-            "/geometry/cylinder": ("radius", "length"),
-            "/geometry/capsule": ("radius", "length"),
+            **{f"/geometry/{kind}": tuple(sizes) for kind, sizes in SIZES.items()},
             "/geometry/mesh": ("filename", "scale"),
         }.items()
     },

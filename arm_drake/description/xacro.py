@@ -22,7 +22,11 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
-from arm_drake.description.elements import explain_malformed, lines_of_elements
+from arm_drake.description.elements import (
+    declare_prefixes,
+    explain_malformed,
+    lines_of_elements,
+)
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport, Places, Severity
 from arm_drake.errors import (
@@ -197,6 +201,7 @@ def expand_xacro(
 ) -> str:
     """Return the URDF text that a file stands for; a plain URDF is its own.
 
+    That is one that speaks of xacro in comments alone, as what xacro writes does.
     Every file that is read is added to ``files``, also where the expansion fails;
     ``places`` learns where the elements of the text stand.
     """
@@ -204,7 +209,9 @@ def expand_xacro(
     files = set() if files is None else files
     files.add(path)
     text = _read(path)
-    if "xacro" not in text and "$(" not in text:
+    said = _COMMENT.sub("", text)
+    if "xacro" not in said and "$(" not in said:
+        text = declare_prefixes(text)
         _check_unused(args, path, packages, report)
         places.text = text
         places.of_elements = [(path, line) for line in lines_of_elements(text)]

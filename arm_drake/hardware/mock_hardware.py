@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, State
 
@@ -145,9 +144,7 @@ class MockHardware(PythonSystem):
         first = _Read(-1, tuple(states), values, ())
         return first._replace(measured=self._measure(first.measured, states))
 
-    def _measure(
-        self, last: Array, states: Sequence[GenericSystemState]
-    ) -> NDArray[np.float64]:
+    def _measure(self, last: Array, states: Sequence[GenericSystemState]) -> Array:
         measured = last.copy()
         for at, state in zip(self._measured_at, states, strict=True):
             measured[at] = state.states

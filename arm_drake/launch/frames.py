@@ -12,7 +12,7 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RollPitchYaw
 
 from arm_drake.description.elements import parse_float
-from arm_drake.description.robot import Pose
+from arm_drake.description.links import Pose
 from arm_drake.launch.words import value_of
 
 _LENGTHS, _ANGLES = ("x", "y", "z"), ("roll", "pitch", "yaw")

@@ -18,9 +18,10 @@ from arm_drake.description.controllers import ControllerConfig
 from arm_drake.description.elements import parse_xml
 from arm_drake.description.entry import TEXT, text_of
 from arm_drake.description.joints import WORLD
+from arm_drake.description.links import Pose
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport, ReportEntry
-from arm_drake.description.robot import Pose, Robot
+from arm_drake.description.robot import Robot
 from arm_drake.description.xacro import SAID, expand_xacro
 from arm_drake.errors import InputError, PackageError, find_close, suggest
 from arm_drake.importing import dataclass

@@ -18,9 +18,9 @@ import yaml
 
 from arm_drake import yaml_files
 from arm_drake.description.elements import parse_float
+from arm_drake.description.links import Pose
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
-from arm_drake.description.robot import Pose
 from arm_drake.description.sdf import is_sdf, moves_by_itself
 from arm_drake.description.xacro import expand_xacro
 from arm_drake.errors import DescriptionError, PackageError
@@ -452,16 +452,19 @@ class Roles:
         )
 
     def _take_managers(self) -> None:
-        """Take what has a manager's controllers, and spawners, as that manager."""
+        """Take what has a manager's controllers or program, and spawners, as that."""
         asked = {spawner.manager.strip("/") for spawner in self._parts.spawners}
         for record, line in self._own_nodes:
             name = join_names(record["namespace"], record.get("name") or _MANAGER)
             known = [manager.name for manager in self._parts.managers]
             if name in known or name not in asked:
                 continue
-            if has_controllers(record["parameters"]):
+            is_called_so = record.get("executable") == "ros2_control_node"
+            if is_called_so or has_controllers(record["parameters"]):
                 self._not_started.remove(line)
                 what = f"node {line.name} has the controllers of /{name}"
+                if is_called_so:
+                    what = f"node {line.name} is asked for controllers of /{name}"
                 done = "it is taken as a controller manager"
                 self._add("info", "unsupported", what, done, record)
                 self._read_manager(record)

@@ -6,10 +6,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from arm_drake.arrays import Array
-from arm_drake.control.drive_commands import Mask
+from arm_drake.arrays import Array, Indices, Mask
 from arm_drake.control.joint_limits import Previous
 from arm_drake.controllers.controller_interface import (
     ControllerInterface,
@@ -28,7 +26,7 @@ class _Claimant(NamedTuple):
 
     # Where its commands stand among the values, shape (k,), and which joints of the
     # drive they are for, shape (n,).
-    at: NDArray[np.intp]
+    at: Indices
     joints: Mask
 
     # All joints that they are for.

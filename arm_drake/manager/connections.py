@@ -181,9 +181,10 @@ def export_topics(
             topic = exported_name(output.get_name(), name)
             first = publishers.setdefault(topic, name) if topic else name
             if first != name:
-                what = f"{first!r} and {name!r} publish on the topic {topic!r}"
+                where = f"controller {name!r}"
+                what = f"publishes on the topic {topic!r}, as {first!r} does"
                 done = f"what {first!r} publishes is there"
-                report.add("warning", "unsupported", what, done)
+                report.add("warning", "unsupported", what, done, where=where)
             elif topic:
                 builder.ExportOutput(output, with_prefix(prefix, topic))
 

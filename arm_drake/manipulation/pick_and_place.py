@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.math import RigidTransform
 
 from arm_drake.importing import dataclass
 from arm_drake.manipulation.activities import (
@@ -35,6 +35,7 @@ from arm_drake.manipulation.visual_servoing import PIXELS, find_label
 from arm_drake.perception.boxes import FoundBox, find_box
 from arm_drake.perception.cameras import CameraHandle
 from arm_drake.planning.grasps import Grasp
+from arm_drake.plant.plant import pose_of
 
 T = TypeVar("T")
 
@@ -153,8 +154,7 @@ class PlaceResult:
         names = ("position_error", "orientation_error", "slip_distance", "slip_angle")
         found: dict[str, Any] = {"thing": self.thing or None}
         if self.pose is not None:
-            angles = RollPitchYaw(self.pose.rotation()).vector()
-            found["pose"] = [*self.pose.translation().tolist(), *angles.tolist()]
+            found["pose"] = list(pose_of(self.pose))
         for name in names:
             value = getattr(self, name)
             found[name] = value if math.isfinite(value) else None

@@ -27,6 +27,7 @@ from arm_drake.arrays import is_number
 from arm_drake.controllers.gazebo.plugin import as_topic, ros_topic, with_node
 from arm_drake.description.gazebo import GazeboPlugin
 from arm_drake.description.gazebo_plugins import Noise
+from arm_drake.description.links import Pose
 from arm_drake.description.perception_sensors import (
     CameraKind,
     CameraSensor,
@@ -35,7 +36,7 @@ from arm_drake.description.perception_sensors import (
     find_camera_problem,
 )
 from arm_drake.description.report import LoadReport
-from arm_drake.description.robot import Pose, Robot
+from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, check_known, suggest
 from arm_drake.manager.connections import with_prefix
 from arm_drake.messages import Header, Message

@@ -7,7 +7,7 @@ from numbers import Integral, Real
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, Diagram
 
 from arm_drake.description.robot import Robot
@@ -20,6 +20,7 @@ from arm_drake.planning.orientation_constraint import OrientationConstraint
 from arm_drake.planning.surroundings import PlacedShape, read_planning_scene
 from arm_drake.plant.joint_ranges import joint_ranges
 from arm_drake.plant.payloads import Payload
+from arm_drake.plant.plant import pose_of
 from arm_drake.worlds.world import World
 
 # A joint is at rest below this [rad/s], [m/s].
@@ -217,9 +218,7 @@ def _set_up_running(running: Running, options: PlanOptions) -> Setting:
     )
     X = scene.X_WB
     if X is not None:
-        x, y, z = map(float, X.translation())
-        roll, pitch, yaw = map(float, RollPitchYaw(X.rotation()).vector())
-        robot = dc.replace(robot, pose=(x, y, z, roll, pitch, yaw))
+        robot = dc.replace(robot, pose=pose_of(X))
     state = running.joint_states(name)
     positions = dict(zip(state.name, state.position, strict=True))
     if options.start is None:

@@ -16,7 +16,8 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 
-from arm_drake.description.joints import JointInfo, last_master
+from arm_drake.description.base_wheels import moved_joints
+from arm_drake.description.joints import JointInfo, last_master, links_on
 from arm_drake.description.robot import Robot
 from arm_drake.description.srdf import GroupState, find_group_states
 from arm_drake.description.urdf import RobotDescription
@@ -265,20 +266,10 @@ def find_gripper_joints(robot: Robot) -> list[JointInfo]:
 
 def find_gripper_links(robot: Robot) -> set[str]:
     """Return the links of grippers: what their joints move, and what holds these."""
-    joints = robot.description.joints
-    grippers = find_gripper_joints(robot)
-    moved = {joint.name for joint in grippers}
-    while True:
-        more = {j.name for j in joints if j.mimic and j.mimic.joint in moved} - moved
-        if not more:
-            break
-        moved |= more
-    links = {joint.child for joint in joints if joint.name in moved}
-    while True:
-        further = {joint.child for joint in joints if joint.parent in links} - links
-        if not further:
-            return links | {joint.parent for joint in grippers}
-        links |= further
+    description, grippers = robot.description, find_gripper_joints(robot)
+    moved = [j for each in grippers for j in moved_joints(description, each.name)]
+    links = {link for j in moved for link in links_on(description.joints, j.child)}
+    return links | {joint.parent for joint in grippers}
 
 
 def _limits(robot: Robot, joint: JointInfo) -> tuple[float | None, float | None]:
@@ -305,26 +296,15 @@ def _gap(
     They are the last links that it moves, by themselves the centers of their masses; a
     single one is seen from the link that it is attached to.
     """
-    followers = {
-        j.name: j for j in robot.description.movable_joints if j.mimic is not None
-    }
-    moved = {name: position}
-    while True:
-        more = {
-            j.name: j.mimic.multiplier * moved[j.mimic.joint] + j.mimic.offset
-            for j in followers.values()
-            if j.mimic is not None and j.mimic.joint in moved and j.name not in moved
-        }
-        if not more:
-            break
-        moved |= more
-    for joint, q in moved.items():
-        plant.GetJointByName(joint, model).set_default_positions([q])
-    context = plant.CreateDefaultContext()
     joints = {j.name: j for j in robot.description.movable_joints}
-    links = [joints[n].child for n in moved]
-    inner = {j.parent for n, j in joints.items() if n in moved}
-    fingers = [link for link in links if link not in inner]
+    moved = moved_joints(robot.description, name)
+    for joint in moved:
+        _, factor, offset = last_master(joint, joints)
+        q = factor * position + offset
+        plant.GetJointByName(joint.name, model).set_default_positions([q])
+    context = plant.CreateDefaultContext()
+    inner = {joint.parent for joint in moved}
+    fingers = [joint.child for joint in moved if joint.child not in inner]
     if len(fingers) == 1:
         fingers.append(joints[name].parent)
     points = [

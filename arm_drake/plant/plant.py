@@ -40,9 +40,9 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import DiagramBuilder
 
 from arm_drake.description.joints import FREE_TYPES, WORLD, JointInfo
-from arm_drake.description.links import Origin
+from arm_drake.description.links import Origin, Pose
 from arm_drake.description.report import LoadReport
-from arm_drake.description.robot import Pose, Robot
+from arm_drake.description.robot import Robot
 from arm_drake.description.urdf import RobotDescription, write_urdf
 from arm_drake.errors import DescriptionError, InputError
 from arm_drake.options import SimulationOptions
@@ -318,9 +318,7 @@ def _moved_with_base(joint: JointInfo, X_WB: RigidTransform) -> JointInfo:
     """Return a joint; one on a link called "world", the world itself, moves."""
     if joint.parent != WORLD:
         return joint
-    X_WP = X_WB @ origin_transform(joint.origin)
-    x, y, z = X_WP.translation().tolist()
-    roll, pitch, yaw = RollPitchYaw(X_WP.rotation()).vector().tolist()
+    x, y, z, roll, pitch, yaw = pose_of(X_WB @ origin_transform(joint.origin))
     return dc.replace(joint, origin=Origin((x, y, z), (roll, pitch, yaw)))
 
 
@@ -426,11 +424,18 @@ def link_bodies(
     return [int(body.index()) for body in bodies]
 
 
-def transform_of(pose: Pose | None) -> RigidTransform:
+def transform_of(pose: Sequence[float] | None) -> RigidTransform:
     """Return a pose as a transform; None is the identity."""
     if pose is None:
         return RigidTransform()
     return RigidTransform(RollPitchYaw(np.array(pose[3:])), np.array(pose[:3]))
+
+
+def pose_of(X: RigidTransform) -> Pose:
+    """Return a transform as x, y, z [m], roll, pitch, yaw [rad]."""
+    x, y, z = X.translation().tolist()
+    roll, pitch, yaw = RollPitchYaw(X.rotation()).vector().tolist()
+    return x, y, z, roll, pitch, yaw
 
 
 def read_pose(pose: RigidTransform | Sequence[float]) -> RigidTransform:
@@ -459,4 +464,4 @@ def read_pose(pose: RigidTransform | Sequence[float]) -> RigidTransform:
 
 def origin_transform(origin: Origin) -> RigidTransform:
     """Return an `<origin>` as a transform."""
-    return RigidTransform(RollPitchYaw(np.array(origin.rpy)), origin.position)
+    return transform_of((*origin.xyz, *origin.rpy))

@@ -8,12 +8,14 @@ import functools
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from arm_drake.arrays import Array
-from arm_drake.description.joints import FREE_TYPES, WORLD
+from arm_drake.description.joints import FREE_TYPES, WORLD, JointInfo, read_joint
+from arm_drake.description.report import LoadReport
 from arm_drake.errors import InputError, suggest
 
 
@@ -86,18 +88,16 @@ def read_transforms(
     pitch, yaw [rad].
     """
     return tuple(
-        _moved(_read_joint(joint), pose)
-        for joint in _parse(description).iterfind("joint")
-        if joint.get("type") not in FREE_TYPES
+        _moved(_transform_of(joint), pose)
+        for joint in read_joints(description)
+        if joint.type not in FREE_TYPES
     )
 
 
 def root_links(description: str, transforms: Iterable[LinkTransform]) -> list[str]:
     """Return the links that are in no parent, the world left out."""
     children = {transform.child for transform in transforms}
-    root = _parse(description)
-    names = [link.get("name", "") for link in root.iterfind("link")]
-    return [name for name in names if name not in children and name != WORLD]
+    return [name for name in _links(description) if name not in children]
 
 
 def fixed_pose(pose: Sequence[float] | Array) -> tuple[Array, Array]:
@@ -131,28 +131,28 @@ def _parse(description: str) -> ET.Element:
     return ET.fromstring(description)  # noqa: S314
 
 
-def _read_joint(joint: ET.Element) -> LinkTransform:
-    parent, child, origin = (joint.find(n) for n in ("parent", "child", "origin"))
-    place = np.zeros(6)
-    if origin is not None:
-        place[:3] = _numbers(origin.get("xyz"))
-        place[3:] = _numbers(origin.get("rpy"))
-    position, rotation = fixed_pose(place)
-    names = ["" if e is None else e.get("link", "") for e in (parent, child)]
-    if joint.get("type") == "fixed":
-        return LinkTransform(names[0], names[1], position, rotation)
-    axis_element = joint.find("axis")
-    axis = np.array([1.0, 0.0, 0.0])
-    if axis_element is not None and axis_element.get("xyz"):
-        axis = np.array(_numbers(axis_element.get("xyz")))
+@functools.lru_cache(maxsize=1)
+def read_joints(description: str) -> tuple[JointInfo, ...]:
+    """Return the joints of a URDF that was loaded.
+
+    What is no URDF is an ET.ParseError or a DescriptionError.
+    """
+    joints = _parse(description).iterfind("joint")
+    return tuple(read_joint(each, Path("description"), LoadReport()) for each in joints)
+
+
+def _links(description: str) -> list[str]:
+    names = (link.get("name", "") for link in _parse(description).iterfind("link"))
+    return [name for name in names if name != WORLD]
+
+
+def _transform_of(joint: JointInfo) -> LinkTransform:
+    place = fixed_pose((*joint.origin.xyz, *joint.origin.rpy))
+    if not joint.is_movable:
+        return LinkTransform(joint.parent, joint.child, *place)
+    slides = joint.type == "prismatic"
     return LinkTransform(
-        names[0],
-        names[1],
-        position,
-        rotation,
-        joint.get("name", ""),
-        axis / (np.linalg.norm(axis) or 1.0),
-        joint.get("type") == "prismatic",
+        joint.parent, joint.child, *place, joint.name, joint.unit_axis, slides
     )
 
 
@@ -165,10 +165,6 @@ def _moved(transform: LinkTransform, pose: Sequence[float]) -> LinkTransform:
         origin=position + rotate(rotation, transform.origin),
         rotation=multiply(rotation[None], transform.rotation[None])[0],
     )
-
-
-def _numbers(text: str | None) -> list[float]:
-    return [float(word) for word in text.split()] if text else [0.0, 0.0, 0.0]
 
 
 def _quaternion(rpy: Sequence[float] | Array) -> Array:
@@ -198,7 +194,8 @@ def read_link_poses(rollout: RecordedMotion, link: str) -> Array:
     such link, or where it was is recorded nowhere.
     """
     transforms = _transforms(rollout)
-    links = {*transforms, *(t.parent for t in transforms.values()), *_links(rollout)}
+    parents = (transform.parent for transform in transforms.values())
+    links = {*transforms, *parents, *_links(rollout.description)}
     if link not in links | {WORLD}:
         raise InputError(f"no link {link!r} in the description; {suggest(link, links)}")
     chain = list(_chain(transforms, link))
@@ -221,8 +218,8 @@ def find_tip(rollout: RecordedMotion) -> str:
     itself if it carries no arm. Raises InputError if there is no description.
     """
     transforms = _transforms(rollout)
-    following = _mimics(rollout)
-    names = list(_links(rollout))
+    following = {j.name for j in read_joints(rollout.description) if j.mimic}
+    names = _links(rollout.description)
     moving = {link: _num_joints(transforms, link, following) for link in names}
     deepest = max(names, key=lambda link: moving[link])
     free = next((link for link in names if link in rollout.free_poses), None)
@@ -249,19 +246,6 @@ def _transforms(rollout: RecordedMotion) -> dict[str, LinkTransform]:
     except (ET.ParseError, ValueError) as error:
         raise InputError(f"the rollout's description is no URDF ({error})") from None
     return {transform.child: transform for transform in transforms}
-
-
-def _links(rollout: RecordedMotion) -> Iterator[str]:
-    root = _parse(rollout.description)
-    names = (link.get("name", "") for link in root.iterfind("link"))
-    return (name for name in names if name != WORLD)
-
-
-def _mimics(rollout: RecordedMotion) -> set[str]:
-    """Return the joints that follow others."""
-    root = _parse(rollout.description)
-    joints = (j for j in root.iterfind("joint") if j.find("mimic") is not None)
-    return {joint.get("name", "") for joint in joints}
 
 
 def _chain(
@@ -311,13 +295,11 @@ def _root_poses(rollout: RecordedMotion, root: str) -> Array:
     num = len(rollout.time)
     if root in rollout.free_poses:
         return rollout.free_poses[root].copy()
-    tree = _parse(rollout.description)
-    for joint in tree.iterfind("joint"):
-        child = joint.find("child")
-        if child is not None and child.get("link") == root:
+    for joint in read_joints(rollout.description):
+        if joint.child == root:
             raise InputError(
-                f"joint {joint.get('name')!r} is {joint.get('type')}, and how it moved "
-                f"isn't recorded, so where {root!r} was is unknown"
+                f"joint {joint.name!r} is {joint.type}, and how it moved isn't "
+                f"recorded, so where {root!r} was is unknown"
             )
     pose = [0.0] * 6 if root == WORLD else base_pose(rollout.info)
     return np.tile(np.hstack(fixed_pose(pose)), (num, 1))

@@ -10,14 +10,12 @@ from pydrake.systems.analysis import Simulator
 
 from arm_drake.description.joints import beyond_limits
 from arm_drake.errors import ArmDrakeError, InputError, MotionError
-from arm_drake.messages import (
-    JointTrajectory,
-    SwitchController,
-)
+from arm_drake.messages import JointState, JointTrajectory, SwitchController
 from arm_drake.plant.payloads import Payload, Payloads
 from arm_drake.simulation import clients
 from arm_drake.simulation.clients import ControllerHandle, TopicHandle
 from arm_drake.simulation.directory import ControllerList, Directory
+from arm_drake.simulation.mailbox import Mailbox
 from arm_drake.simulation.motion import (
     AFTER_MOTION,
     FollowThing,
@@ -40,6 +38,7 @@ class Runner(Protocol):
     """What runs motions: a Simulation."""
 
     directory: Directory
+    mailbox: Mailbox
     simulator: Simulator
 
     # Of the quickest controller manager [s].
@@ -54,6 +53,9 @@ class Runner(Protocol):
 
     def advance_to(self, time: float) -> None:
         """Simulate up to a time [s]."""
+
+    def joint_states(self, robot: str | None = None) -> JointState:
+        """Return where the joints of a robot are, and how fast they move."""
 
     def list_controllers(self) -> ControllerList:
         """Return the controllers and their states."""
@@ -355,9 +357,7 @@ def check_motion(simulation: Runner, motion: Motion) -> None:
             else:
                 _check_message(simulation, step, states, activated)
         except InputError as error:
-            raise MotionError(
-                error.problem, file=motion.file, line=step.line, where=step.where
-            ) from None
+            raise _error_in(motion, step, error.problem) from None
 
 
 def check_trajectories(simulation: Runner, motion: Motion) -> None:
@@ -373,12 +373,11 @@ def check_trajectories(simulation: Runner, motion: Motion) -> None:
             message = message.data
         for name in filter(None, names):  # A switch is for nobody.
             if fault := simulation.controller(name).find_lasting_fault(message):
-                raise MotionError(
-                    f"{name}: {fault}",
-                    file=motion.file,
-                    line=step.line,
-                    where=step.where,
-                )
+                raise _error_in(motion, step, f"{name}: {fault}")
+
+
+def _error_in(motion: Motion, step: MotionStep, problem: str) -> MotionError:
+    return MotionError(problem, file=motion.file, line=step.line, where=step.where)
 
 
 def list_beyond_limits(simulation: Runner, motion: Motion) -> list[str]:

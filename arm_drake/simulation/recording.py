@@ -66,10 +66,8 @@ def read_rollout(
     """
     joints = manager.robot.description.movable_joints
     period = manager.log_period
-    log, logged_at = _log(diagram, context, manager, "joint_states", since)
-    sample = diagram.GetSubsystemByName(f"{manager.prefix}sample")
-    present = sample.get_output_port().Eval(sample.GetMyContextFromRoot(context))
-    rows, ticks = _latest(log, logged_at, present, context.get_time(), period)
+    logs = _Logs(diagram, context, manager, since)
+    rows, ticks = logs.read("joint_states", logs.sampled("sample"), period)
     # Before tick 0 nothing was sampled.
     first = np.searchsorted(ticks, 0)
     # Drake's times are sums of rounded numbers; ROS counts nanoseconds.
@@ -79,7 +77,7 @@ def read_rollout(
     plant = diagram.GetSubsystemByName("plant")
     has_physics = isinstance(plant, MultibodyPlant)
     limits = [joint.limits.effort if has_physics else None for joint in joints]
-    commanded = _read_commands(diagram, context, manager, time, since)
+    commanded = _read_commands(logs, time)
     return Rollout(
         time=time,
         joint_names=tuple(joint.name for joint in joints),
@@ -104,8 +102,8 @@ def read_rollout(
             prefix=manager.prefix,
             period=period,
         ),
-        contact_forces=_read_contacts(diagram, context, manager, ticks[first:], since),
-        sensor_messages=_read_sensors(diagram, context, manager, since),
+        contact_forces=_read_contacts(logs, ticks[first:]),
+        sensor_messages=_read_sensors(logs),
         description=manager.robot.portable_source,
     )
 
@@ -125,23 +123,40 @@ def read_joint_states(
     )
 
 
-def _log(
-    diagram: Diagram,
-    context: Context,
-    manager: ControllerManager,
-    name: str,
-    since: float,
-) -> tuple[Array, Array]:
-    """Return the rows of a log, and their times [s], in the order of their writing."""
-    sink = diagram.GetSubsystemByName(f"{manager.prefix}log:{name}")
-    log = sink.FindLog(context)
-    rows, times = cast(Array, log.data().T), cast(Array, log.sample_times())
-    if math.isfinite(since):
-        # What was commanded for a row was logged up to two ticks before it.
-        period = max(manager.period, manager.log_period)
-        is_recent = times >= since - 3.0 * period
-        rows, times = rows[is_recent], times[is_recent]
-    return rows, times
+class _Logs(NamedTuple):
+    """The logs of a robot, since a time [s]."""
+
+    diagram: Diagram
+    context: Context
+    manager: ControllerManager
+    since: float
+
+    def sampled(self, name: str, port: str = "") -> Array:
+        """Return what a system samples for a log, now; on its only port, or this."""
+        system = self.diagram.GetSubsystemByName(f"{self.manager.prefix}{name}")
+        output = system.GetOutputPort(port) if port else system.get_output_port()
+        return cast(Array, output.Eval(system.GetMyContextFromRoot(self.context)))
+
+    def read(self, name: str, present: Array, period: float) -> tuple[Array, Ticks]:
+        """Return what ticks left behind, in order, each once, and their numbers.
+
+        `present` is what the last one left.
+        """
+        sink = self.diagram.GetSubsystemByName(f"{self.manager.prefix}log:{name}")
+        log = sink.FindLog(self.context)
+        rows, times = cast(Array, log.data().T), cast(Array, log.sample_times())
+        if math.isfinite(self.since):
+            # What was commanded for a row was logged up to two ticks before it.
+            longest = max(self.manager.period, self.manager.log_period)
+            is_recent = times >= self.since - 3.0 * longest
+            rows, times = rows[is_recent], times[is_recent]
+        return _latest(rows, times, present, self.context.get_time(), period)
+
+    def read_at(self, ticks: Ticks, name: str, present: Array, period: float) -> Array:
+        """Return what some ticks left behind; NaN where that isn't known."""
+        rows, known = self.read(name, present, period)
+        at = np.minimum(np.searchsorted(known, ticks), len(known) - 1)
+        return np.where((known[at] == ticks)[:, None], rows[at], np.nan)
 
 
 def forget_rows(diagram: Diagram, context: Context, before: float) -> None:
@@ -186,23 +201,13 @@ def _latest(
     return rows, ticks
 
 
-def _read_contacts(
-    diagram: Diagram,
-    context: Context,
-    manager: ControllerManager,
-    ticks: Ticks,
-    since: float,
-) -> dict[str, Array]:
+def _read_contacts(logs: _Logs, ticks: Ticks) -> dict[str, Array]:
     """Return the forces on links [N] at ticks of the log, shape (N, 3), if recorded."""
-    if not diagram.HasSubsystemNamed(f"{manager.prefix}log:{CONTACT_LOG}"):
+    manager = logs.manager
+    if not logs.diagram.HasSubsystemNamed(f"{manager.prefix}log:{CONTACT_LOG}"):
         return {}
-    name = f"{manager.prefix}sample:contacts"
-    sample = diagram.GetSubsystemByName(name)
-    present = sample.get_output_port().Eval(sample.GetMyContextFromRoot(context))
-    log = _log(diagram, context, manager, CONTACT_LOG, since)
-    rows, known = _latest(*log, present, context.get_time(), manager.log_period)
-    at = np.minimum(np.searchsorted(known, ticks), len(known) - 1)
-    forces = np.where((known[at] == ticks)[:, None], rows[at], np.nan)
+    present = logs.sampled("sample:contacts")
+    forces = logs.read_at(ticks, CONTACT_LOG, present, manager.log_period)
     return {
         link: forces[:, 3 * index : 3 * index + 3]
         for index, link in enumerate(manager.robot.description.links)
@@ -210,10 +215,9 @@ def _read_contacts(
     }
 
 
-def _read_sensors(
-    diagram: Diagram, context: Context, manager: ControllerManager, since: float
-) -> dict[str, tuple[Message, ...]]:
-    """Return what cameras and lidars told since a time [s], if recorded, by topic."""
+def _read_sensors(logs: _Logs) -> dict[str, tuple[Message, ...]]:
+    """Return what cameras and lidars told, if recorded, by topic."""
+    diagram, manager = logs.diagram, logs.manager
     found: dict[str, tuple[Message, ...]] = {}
     if manager.sensors:
         # Robots that have none pay for nothing.
@@ -223,7 +227,7 @@ def _read_sensors(
             name = log_name(manager.prefix, sensor.sensor.name)
             if diagram.HasSubsystemNamed(name):
                 log: Any = diagram.GetSubsystemByName(name)
-                for topic, logged in log.read(context, since).items():
+                for topic, logged in log.read(logs.context, logs.since).items():
                     # Of several on a topic those of a time are in the sensors' order.
                     both = (*found.get(topic, ()), *logged)
                     found[topic] = tuple(sorted(both, key=stamp_of))
@@ -243,27 +247,14 @@ class _Commanded(NamedTuple):
     references: Mapping[str, Reference]
 
 
-def _read_commands(
-    diagram: Diagram,
-    context: Context,
-    manager: ControllerManager,
-    time: Array,
-    since: float,
-) -> _Commanded:
-    """Return what was commanded at times [s], shape (N,), as of `since` [s]."""
+def _read_commands(logs: _Logs, time: Array) -> _Commanded:
+    """Return what was commanded at times [s], shape (N,)."""
+    manager = logs.manager
     # A command acts after its tick.
-    tick_numbers = _ticks_before(time, manager.period)
-
-    name = f"{manager.prefix}{COMMAND_LOG}"
-    log = _log(diagram, context, manager, COMMAND_LOG, since)
-    port = diagram.GetSubsystemByName(name).GetOutputPort("log")
-    present = port.Eval(port.get_system().GetMyContextFromRoot(context))
-    values, ticks = _latest(*log, present, context.get_time(), manager.period)
-    rows = np.minimum(np.searchsorted(ticks, tick_numbers), len(ticks) - 1)
-    is_found = (ticks[rows] == tick_numbers)[:, None]
-    values, active, found = manager.logged.split(
-        np.where(is_found, values[rows], np.nan)
-    )
+    ticks = _ticks_before(time, manager.period)
+    present = logs.sampled(COMMAND_LOG, "log")
+    rows = logs.read_at(ticks, COMMAND_LOG, present, manager.period)
+    values, active, found = manager.logged.split(rows)
     joints = {c.name: reference_joints(c.system) for c in manager.controllers}
     references = {
         controller: Reference(joints[controller], position)

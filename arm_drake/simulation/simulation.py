@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
@@ -69,18 +69,6 @@ _SAME_TIME = 1e-9
 PERIOD = 1.0
 
 
-class Recorded(Protocol):
-    """What is recorded: a Simulation."""
-
-    directory: Directory
-    mailbox: Mailbox
-
-    # What was played, in order.
-    motions: list[Motion]
-
-    recorders: "list[Recorder]"
-
-
 class Recorder:
     """Writes the rows, messages and goals of a simulation each simulated second.
 
@@ -90,7 +78,7 @@ class Recorder:
 
     def __init__(
         self,
-        simulation: Recorded,
+        simulation: "Simulation",
         path: Path,
         *,
         robot: str | None = None,
@@ -303,7 +291,9 @@ class Simulation:
         # Of the quickest controller manager [s].
         self.period = min(manager.period for manager in managers)
         info = find_build_info(diagram)
+        # Shapes that overlap at the start, and how often is looked at them.
         self._parted = () if info is None else info.parted
+        self._ticks_of_looks = max(round(_LOOK_PERIOD / self.period), 1)
 
     def replace_diagram(self, diagram: Diagram, simulator: Simulator) -> None:
         """Go on with another diagram of the same robots, in its simulator's state."""
@@ -568,41 +558,33 @@ class Simulation:
             if self.mailbox.waiting:
                 end = min(end, self.mailbox.publish_due(now + slack) - 0.5 * slack)
             if self.exchange is not None:
-                end = min(self.exchange(), self._next_exchange(now), end)
+                end = min(self.exchange(), self._next_tick(now), end)
+            look_at = math.inf
             if self._parted:
-                end = min(end, self._next_look(now))
+                look_at = self._next_tick(now, self._ticks_of_looks)
+            end = min(end, look_at)
             advance(self.simulator, end)
-            if self._parted and end >= self._next_look(now) - slack:
+            if end >= look_at - slack:
                 rejoin(self.diagram, self.context, self._parted)
-            if self.exchange is None or end >= self._next_events(now):
+            if self.exchange is None or end >= self._next_tick(now, _TICKS_AT_A_TIME):
                 self.collect_events()
             for recorder in self.recorders:
                 recorder.update()
             now = self.time
 
-    def _next_exchange(self, time: float) -> float:
-        """Return when the next tick is [s]."""
-        return (math.floor(time / self.period + TICK_TOLERANCE) + 1) * self.period
+    def _next_tick(self, time: float, ticks: int = 1) -> float:
+        """Return when the next one of so many ticks is [s].
 
-    def _next_events(self, time: float) -> float:
-        """Return when to look for events next [s], where all ticks are exchanged."""
-        pause = _TICKS_AT_A_TIME * self.period
-        return (math.floor(time / pause + TICK_TOLERANCE) + 1) * pause
+        These times are the same however a run is cut into pieces.
+        """
+        ticks *= math.floor(time / (ticks * self.period) + TICK_TOLERANCE) + 1
+        return ticks * self.period
 
     def collect_events(self) -> None:
         """Tell who listens what is new."""
         for event in self.mailbox.collect():
             for callback in self._on_event:
                 callback(event)
-
-    def _next_look(self, time: float) -> float:
-        """Return when to look next whether parted shapes are apart [s].
-
-        These times are the same however a run is cut into pieces.
-        """
-        ticks = max(round(_LOOK_PERIOD / self.period), 1)
-        ticks *= math.floor(time / (ticks * self.period) + TICK_TOLERANCE) + 1
-        return ticks * self.period
 
     def run(
         self,

@@ -9,15 +9,14 @@ too: position by position.
 import dataclasses as dc
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from pydrake.math import RigidTransform
 
 from arm_drake.description.robot import Robot
-from arm_drake.errors import InputError, SimulationError, suggest
+from arm_drake.errors import InputError, SimulationError, check_known
 from arm_drake.importing import dataclass
-from arm_drake.manager.loaded_controllers import ControllerState
 from arm_drake.messages import JointTrajectory, JointTrajectoryPoint, Message
 from arm_drake.messages.base import to_message
 from arm_drake.planning.groups import (
@@ -32,9 +31,9 @@ from arm_drake.planning.inverse_kinematics import NoSolution, solve_ik
 from arm_drake.planning.orientation_constraint import OrientationConstraint
 from arm_drake.planning.timing import motion_limits
 from arm_drake.simulation.clients import ControllerHandle, TopicHandle
-from arm_drake.simulation.directory import Directory
-from arm_drake.simulation.mailbox import GoalHandle, Mailbox
+from arm_drake.simulation.mailbox import GoalHandle
 from arm_drake.simulation.motion import PlanTo
+from arm_drake.simulation.playback import Runner
 
 if TYPE_CHECKING:
     from arm_drake.planning.motion_planning import Plan
@@ -117,26 +116,6 @@ class SetBoolResult(NamedTuple):
     message: str
 
 
-class Simulated(Protocol):
-    """What is simulated: a Simulation."""
-
-    directory: Directory
-    mailbox: Mailbox
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-
-    def controller(self, name: str) -> ControllerHandle:
-        """Return what sends to a controller."""
-
-    def joint_states(self, robot: str | None = None) -> Any:
-        """Return where the joints are."""
-
-    def list_controllers(self) -> Sequence[ControllerState]:
-        """Return the controllers and their states."""
-
-
 def check_plan(robot: Robot, message: PlanTo) -> str:
     """Return the controller that takes a plan, or raise InputError if there is none."""
     group = find_group(robot, message.options.get("group"))
@@ -144,10 +123,9 @@ def check_plan(robot: Robot, message: PlanTo) -> str:
         if isinstance(state, str):
             find_state(group, state)
     constraint = plan_options(message).get("path_constraint")
-    links = robot.description.links
-    if constraint is not None and constraint.link_name not in links:
-        hint = suggest(constraint.link_name, links)
-        raise InputError(f"upright: no link {constraint.link_name!r}; {hint}")
+    if constraint is not None:
+        links = robot.description.links
+        check_known("link", constraint.link_name, links, argument="upright")
     return find_receiver(robot, group)
 
 
@@ -160,7 +138,7 @@ def plan_options(message: PlanTo) -> dict[str, Any]:
     return options
 
 
-def send_planned(simulation: Simulated, plan: "Plan", where: str) -> GoalHandle | None:
+def send_planned(simulation: Runner, plan: "Plan", where: str) -> GoalHandle | None:
     """Send a plan to the controller of its group, as Simulation.send_planned."""
     manager = simulation.directory.manager(plan.robot.name)
     name = find_receiver(manager.robot, plan.group)
@@ -179,7 +157,7 @@ def send_planned(simulation: Simulated, plan: "Plan", where: str) -> GoalHandle 
     return None
 
 
-def check_arrival(simulation: Simulated, plan: "Plan") -> None:
+def check_arrival(simulation: Runner, plan: "Plan") -> None:
     """Raise SimulationError if a robot isn't where a plan ends."""
     if words := _find_away(simulation, plan, plan.end, _AT_END):
         raise SimulationError(
@@ -189,7 +167,7 @@ def check_arrival(simulation: Simulated, plan: "Plan") -> None:
 
 
 def _find_away(
-    simulation: Simulated, plan: "Plan", positions: Mapping[str, float], most: float
+    simulation: Runner, plan: "Plan", positions: Mapping[str, float], most: float
 ) -> str:
     """Return which joint of a plan is away from positions, in words; else nothing."""
     state = simulation.joint_states(plan.robot.name)
@@ -202,7 +180,7 @@ def _find_away(
 
 
 def _send_rows(
-    simulation: Simulated,
+    simulation: Runner,
     handle: ControllerHandle,
     robot: Robot,
     group: PlanningGroup,
@@ -226,7 +204,7 @@ def _send_rows(
 class TaskSpaceRequest(TopicHandle):
     """What a robot is asked for by name, as a topic is published on."""
 
-    def __init__(self, simulation: Simulated, robot: str, kind: str) -> None:
+    def __init__(self, simulation: Runner, robot: str, kind: str) -> None:
         """Create it; `Simulation.topic` does that."""
         self.name = f"/{robot}/{kind}"
         self._simulation, self._kind = simulation, kind
@@ -248,12 +226,7 @@ class TaskSpaceRequest(TopicHandle):
     def publish(self, data: Any, *, where: str = "") -> None:
         """Ask for something; what can't be done is among `Simulation.rejected`.
 
-        Args:
-            data: A request, or a mapping of its fields; of `home` also a bool.
-            where: Where it comes from, for messages.
-
-        Raises:
-            InputError: If it is no such request.
+        That is a request, or a mapping of its fields; of `home` also a bool.
         """
         message = self._read(data)
         try:
@@ -266,13 +239,9 @@ class TaskSpaceRequest(TopicHandle):
             self._simulation.mailbox.reject(message, f"{self.name}: {reason}", where)
 
     def call(self, data: Any) -> KinematicResult | SetBoolResult:
-        """Ask for something, and return what the service would.
+        """Ask for something as by `publish`, and return what the service would.
 
-        Args:
-            data: As that of `publish`. A point that can't be reached moves nothing.
-
-        Raises:
-            InputError: If it is no such request, or the time isn't enough.
+        A point that can't be reached moves nothing.
         """
         message = self._read(data)
         if isinstance(message, SetBool):
@@ -379,7 +348,7 @@ _KINDS: Mapping[str, type[Any]] = {
 }
 
 
-def find_request(simulation: Simulated, name: str) -> TaskSpaceRequest | None:
+def find_request(simulation: Runner, name: str) -> TaskSpaceRequest | None:
     """Return what a robot is asked for by a name, if it is the name of a request."""
     robot, _, kind = name.strip("/").rpartition("/")
     if robot not in simulation.directory.managers:

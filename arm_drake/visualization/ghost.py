@@ -13,7 +13,7 @@ from pydrake.systems.framework import Context
 
 from arm_drake.description.joints import last_master, links_on
 from arm_drake.description.urdf import RobotDescription
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import InputError, check_known
 from arm_drake.visualization.link_drawings import (
     DrawnRobot,
     draw_solid,
@@ -27,14 +27,6 @@ _ALPHA = 0.35
 
 # Two poses are as good as one if they differ by no more [m] and [rad].
 _NEAR, _ALIGNED = 2e-3, 1e-2
-
-
-class _Follower(NamedTuple):
-    """A mimic joint: position = factor * position of the master + offset."""
-
-    master: str
-    factor: float
-    offset: float
 
 
 class _DrawnBody(NamedTuple):
@@ -83,8 +75,9 @@ class Ghost:
             joint: plant.GetJointByName(joint, model).position_start()
             for joint in joints
         }
+        # Of mimic joints: master, factor and offset.
         self._followers = {
-            name: _Follower(*last_master(joint, joints))
+            name: last_master(joint, joints)
             for name, joint in joints.items()
             if joint.mimic is not None
         }
@@ -103,11 +96,6 @@ class Ghost:
     def path(self) -> str:
         """Where it is in Meshcat."""
         return path_below("/drake/ghost", self._name)
-
-    @property
-    def is_shown(self) -> bool:
-        """Whether it is to be seen."""
-        return self._is_shown
 
     def show(
         self,
@@ -132,18 +120,6 @@ class Ghost:
             self._is_shown = True
             self._meshcat.SetProperty(self.path, "visible", True)
 
-    def update(
-        self,
-        positions: Mapping[str, float],
-        *,
-        base_pose: RigidTransform | None = None,
-        time: float | None = None,
-        hidden_at: Mapping[str, RigidTransform] | None = None,
-    ) -> None:
-        """Move it, if it is shown; the arguments are those of `show`."""
-        if self._is_shown:
-            self.show(positions, base_pose=base_pose, time=time, hidden_at=hidden_at)
-
     def hide(self) -> None:
         """Hide it; `show` shows it again."""
         if self._is_shown:
@@ -160,27 +136,15 @@ class Ghost:
         for path in self._solids:
             self._meshcat.SetProperty(path, "color", [*color, _ALPHA])
 
-    def clear(self) -> None:
-        """Delete what was sent; as after the creation, nothing is shown."""
-        if self._bodies is not None:
-            self._meshcat.Delete(self.path)
-        self._bodies, self._is_shown = None, False
-        self._sent.clear()
-        self._solids.clear()
-        self._hidden.clear()
-
     def _resolve(self, positions: Mapping[str, float]) -> np.ndarray:
         """Return the positions of the whole plant."""
         q = self._rest.copy()
         for joint, value in positions.items():
-            if joint not in self._at:
-                hint = suggest(joint, self._at)
-                raise InputError(f"ghost {self._name!r}: no joint {joint!r}; {hint}")
+            ghost = f"ghost {self._name!r}"
+            check_known("joint", joint, self._at, argument=ghost)
             if not math.isfinite(value):
-                raise InputError(
-                    f"ghost {self._name!r}: joint {joint!r}: expected a finite number "
-                    f"[rad or m], got {value}"
-                )
+                problem = f"expected a finite number [rad or m], got {value}"
+                raise InputError(f"{ghost}: joint {joint!r}: {problem}")
             q[self._at[joint]] = value
         for joint, (master, factor, offset) in self._followers.items():
             if joint not in positions and master in positions:

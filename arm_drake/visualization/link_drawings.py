@@ -199,11 +199,8 @@ def draw_solid(
 
 def draw_triad(meshcat: Meshcat, path: str, length: float) -> None:
     """Draw a frame's axes [m], seen through all else: x red, y green, z blue."""
-    axis = Cylinder(_TRIAD_RADIUS * length, length)
-    for index, (name, rgba) in enumerate(_AXES):
-        own = f"{path}/{name}"
-        meshcat.SetTransform(own, _along(np.eye(3)[index], length / 2.0))
-        draw_solid(meshcat, own, axis, rgba, is_on_top=True)
+    for piece in _triad("", length):
+        _draw_piece(meshcat, path, piece)
 
 
 def visual_solid(inspector: SceneGraphInspector, geometry: GeometryId) -> Solid | None:
@@ -311,10 +308,20 @@ class Piece(NamedTuple):
 def frame_pieces(robot: DrawnRobot) -> Iterator[Piece]:
     """Yield a triad for each link: x red, y green, z blue."""
     for link, length in _lengths(robot).items():
-        axis = Cylinder(_TRIAD_RADIUS * length, length)
-        for index, (name, rgba) in enumerate(_AXES):
-            X_LP = _along(np.eye(3)[index], length / 2.0)
-            yield Piece(link, name, axis, rgba, X_LP, is_on_top=True)
+        yield from _triad(link, length)
+
+
+def _triad(link: str, length: float) -> Iterator[Piece]:
+    shape = Cylinder(_TRIAD_RADIUS * length, length)
+    for axis, (name, rgba) in zip(np.eye(3), _AXES, strict=True):
+        X_LP = _along(axis, length / 2.0)
+        yield Piece(link, name, shape, rgba, X_LP, is_on_top=True)
+
+
+def _draw_piece(meshcat: Meshcat, path: str, piece: Piece) -> None:
+    own = path_below(path, piece.name)
+    meshcat.SetTransform(own, piece.X_LP)
+    draw_solid(meshcat, own, piece.solid, piece.rgba, is_on_top=piece.is_on_top)
 
 
 def collision_pieces(robot: DrawnRobot) -> Iterator[Piece]:
@@ -459,11 +466,6 @@ class LinkDrawings:
         self._paths: dict[str, dict[tuple[str, str], str]] = {}
         self._shown: set[str] = set()
 
-    @property
-    def shown(self) -> tuple[str, ...]:
-        """The kinds that are shown."""
-        return tuple(kind for kind in KINDS if kind in self._shown)
-
     def show(self, kind: str, is_shown: bool = True) -> None:
         """Show or hide one of `KINDS`; raise InputError if it is none."""
         check_known("drawing", kind, KINDS)
@@ -532,12 +534,4 @@ class LinkDrawings:
             for piece in PIECES[kind](robot):
                 path = path_below(f"/drake/{kind}", name, piece.link)
                 paths[name, piece.link] = path
-                own = path_below(path, piece.name)
-                self._meshcat.SetTransform(own, piece.X_LP)
-                draw_solid(
-                    self._meshcat,
-                    own,
-                    piece.solid,
-                    piece.rgba,
-                    is_on_top=piece.is_on_top,
-                )
+                _draw_piece(self._meshcat, path, piece)

@@ -3,8 +3,6 @@
 import dataclasses as dc
 import ipaddress
 import itertools
-import json
-import mimetypes
 import socket
 from collections.abc import Collection, Sequence
 from pathlib import Path
@@ -24,7 +22,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 
 from arm_drake.arrays import Array
-from arm_drake.description.meshes.surfaces import data_uri
+from arm_drake.description.meshes.surfaces import Surface, encode_gltf
 from arm_drake.errors import InputError
 from arm_drake.importing import dataclass
 from arm_drake.worlds.sdf_models import GroundLook
@@ -377,53 +375,19 @@ def set_ground_visible(meshcat: Meshcat, *, is_visible: bool) -> None:
 def _textured(size: tuple[float, float], texture: Path) -> Mesh:
     """Return a rectangle on the plane z = 0 that a picture covers once."""
     x, y = size[0] / 2.0, size[1] / 2.0
-    corners = np.array([(-x, -y, 0), (x, -y, 0), (x, y, 0), (-x, y, 0)], "<f4")
-    upwards = np.tile(np.array([0, 0, 1], "<f4"), (4, 1))
-    places = np.array([(0, 1), (1, 1), (1, 0), (0, 0)], "<f4")
-    faces = np.array([0, 1, 2, 0, 2, 3], "<u2")
-    data = b"".join(part.tobytes() for part in (corners, upwards, places, faces))
-    kind = mimetypes.guess_type(texture.name)[0] or "image/png"
     try:
         picture = texture.read_bytes()
     except OSError as error:
         raise InputError(f"can't be read: {error.strerror}", file=texture) from None
-
-    views = [(0, 48), (48, 48), (96, 32), (128, 12)]
-    kinds = [
-        (5126, 4, "VEC3"),
-        (5126, 4, "VEC3"),
-        (5126, 4, "VEC2"),
-        (5123, 6, "SCALAR"),
-    ]
-    accessors: list[dict[str, object]] = [
-        {"bufferView": i, "componentType": component, "count": count, "type": type_}
-        for i, (component, count, type_) in enumerate(kinds)
-    ]
-    accessors[0] |= {"min": corners.min(0).tolist(), "max": corners.max(0).tolist()}
-    attributes = {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2}
-    material = {"baseColorTexture": {"index": 0}, "metallicFactor": 0.0}
-    content = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        # A glTF's own y is up.
-        "nodes": [{"mesh": 0, "rotation": [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]}],
-        "meshes": [
-            {"primitives": [{"attributes": attributes, "indices": 3, "material": 0}]}
-        ],
-        "materials": [{"pbrMetallicRoughness": material}],
-        "textures": [{"source": 0}],
-        "images": [{"uri": data_uri(kind, picture)}],
-        "buffers": [
-            {"byteLength": len(data), "uri": data_uri("application/octet-stream", data)}
-        ],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": start, "byteLength": length}
-            for start, length in views
-        ],
-        "accessors": accessors,
-    }
-    file = MemoryFile(json.dumps(content), ".gltf", texture.name)
+    rectangle = Surface(
+        np.array([(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)]),
+        np.array([(0, 1, 2), (0, 2, 3)]),
+        normals=np.tile([0.0, 0.0, 1.0], (4, 1)),
+        uv=np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]),
+        texture=picture,
+    )
+    content = encode_gltf([rectangle], (1.0, 1.0, 1.0, 1.0)).decode()
+    file = MemoryFile(content, ".gltf", texture.name)
     return Mesh(mesh_data=InMemoryMesh(mesh_file=file), scale=1.0)
 
 

@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
+from arm_drake.description.joints import JointLimits
+from arm_drake.errors import InputError
+from arm_drake.rollout.link_poses import read_joints
 from arm_drake.rollout.rollout import Rollout
 
 # Colours that the colour-blind can tell apart, by Okabe and Ito.
@@ -273,17 +276,6 @@ class Tracked(NamedTuple):
     references: Mapping[str, Array]
 
 
-class JointLimits(NamedTuple):
-    """What a description allows a joint; infinite where it says nothing."""
-
-    # [rad] or [m].
-    lower: float = -math.inf
-    upper: float = math.inf
-
-    # [rad/s] or [m/s].
-    velocity: float = math.inf
-
-
 def track(rollout: Rollout, joints: Sequence[str]) -> list[Tracked]:
     """Return what joints were to follow: positions, or velocities if there are none.
 
@@ -313,11 +305,9 @@ def unit_of(rollout: Rollout, joint: str, interface: str) -> str:
 def read_limits(description: str) -> dict[str, JointLimits]:
     """Return what a description allows its joints; of none, nothing."""
     try:
-        root = ET.fromstring(description)  # noqa: S314  what was loaded.
-    except ET.ParseError:
+        return {joint.name: joint.limits for joint in read_joints(description)}
+    except (ET.ParseError, InputError):
         return {}
-    joints = root.iterfind("joint")
-    return {joint.get("name", ""): _read_joint(joint) for joint in joints}
 
 
 def _track_joint(rollout: Rollout, joint: str) -> Tracked:
@@ -335,26 +325,3 @@ def _track_joint(rollout: Rollout, joint: str) -> Tracked:
         return Tracked(joint, unit, rollout.velocity[:, column], references)
     unit = unit_of(rollout, joint, interfaces.POSITION)
     return Tracked(joint, unit, rollout.position[:, column], position)
-
-
-def _read_joint(joint: ET.Element) -> JointLimits:
-    limit = joint.find("limit")
-    if limit is None:
-        return JointLimits()
-    lower, upper, velocity = (
-        _number(limit.get(name)) for name in ("lower", "upper", "velocity")
-    )
-    # A URDF says 0 where it says nothing.
-    has_range = joint.get("type") in ("revolute", "prismatic")
-    return JointLimits(
-        (lower or 0.0) if has_range else -math.inf,
-        (upper or 0.0) if has_range else math.inf,
-        velocity or math.inf,
-    )
-
-
-def _number(text: str | None) -> float | None:
-    try:
-        return None if text is None else float(text)
-    except ValueError:
-        return None

@@ -5,10 +5,11 @@ has what is known without it. None uses pyplot: a picture needs no window.
 """
 
 import dataclasses as dc
+import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array
+from arm_drake.description.joints import JointLimits
 from arm_drake.errors import InputError, suggest
 from arm_drake.output_files import PLOT_KINDS, check_plot_path, writing
 from arm_drake.planning.inverse_kinematics import forward_kinematics
@@ -30,7 +32,6 @@ from arm_drake.visualization.plot_panels import (
     DASHES,
     LIMIT,
     MEASURED,
-    JointLimits,
     Picture,
     Tracked,
     Unit,
@@ -190,14 +191,14 @@ def draw_way(
     title = shorten(f"way of {link}" + (", from above" if is_flat else ""), 4.5)
     panel = picture.add_subplot(place, projection=None if is_flat else "3d")
     panel.set_title(title, loc="left", fontsize="small")
-    draw = _drawer(panel)
-    draw(way[:, :num_axes], **_MEASURED)
+    panel.plot(*way[:, :num_axes].T, **_MEASURED)
     if reference is not None:
-        draw(reference[:, :num_axes], **_REFERENCE_LINE)
+        panel.plot(*reference[:, :num_axes].T, **_REFERENCE_LINE)
     if len(is_finite):
         point: dict[str, Any] = {"ls": "", "ms": 6, "mfc": "white", "color": LIMIT}
-        draw(is_finite[:1, :num_axes], marker="o", label="start", **point)
-        draw(is_finite[-1:, :num_axes], marker="s", label="end", **point)
+        ends = is_finite[:, :num_axes]
+        panel.plot(*ends[:1].T, marker="o", label="start", **point)
+        panel.plot(*ends[-1:].T, marker="s", label="end", **point)
     panel.tick_params(labelsize="small")
     panel.set_xlabel("x [m]")
     panel.set_ylabel("y [m]")
@@ -205,15 +206,6 @@ def draw_way(
         panel, is_finite[:, :num_axes] if len(is_finite) else np.zeros((1, num_axes))
     )
     return panel
-
-
-def _drawer(panel: Axes) -> Any:
-    """Return what draws points of shape (N, 2) or (N, 3) as a line."""
-
-    def draw(points: Array, **style: Any) -> None:
-        panel.plot(*points.T, **style)
-
-    return draw
 
 
 def _frame(panel: Any, points: Array) -> None:
@@ -452,12 +444,12 @@ def _draw_limits(panel: Axes, limits: JointLimits) -> str:
     """Draw the limits that are near; return the others as a text."""
     left, right = panel.get_xlim()
     bottom, top = panel.get_ylim()
-    far = []
-    if not _draw_near(panel.axvline, panel.set_xlim, (left, right), limits[:2]):
-        far.append(f"{limits.lower:.3g} … {limits.upper:.3g}")
-    bounds = (-limits.velocity, limits.velocity)
-    if not _draw_near(panel.axhline, panel.set_ylim, (bottom, top), bounds):
-        far.append(f"±{limits.velocity:.3g}")
+    far, (lower, upper) = [], limits.range
+    if not _draw_near(panel.axvline, panel.set_xlim, (left, right), (lower, upper)):
+        far.append(f"{lower:.3g} … {upper:.3g}")
+    speed = math.inf if limits.velocity is None else limits.velocity
+    if not _draw_near(panel.axhline, panel.set_ylim, (bottom, top), (-speed, speed)):
+        far.append(f"±{speed:.3g}")
     return f"limits {', '.join(far)}" if far else ""
 
 
@@ -485,28 +477,16 @@ def _draw_near(
 _FAR = 4.0
 
 
-class Tolerance(NamedTuple):
-    """How far off a joint was allowed to be, by a goal."""
-
-    # From when to when [s]; both are the same at the end of a goal.
-    start: float
-    end: float
-
-    # [rad] or [m].
-    value: float
-
-
 def plot_tracking(rollout: Rollout, joints: Sequence[str]) -> Picture:
     """Return reference and measurement over time, a panel for each joint."""
     tracked = track(rollout, joints)
     picture, panels = make_time_panels([f"{t.joint} [{t.unit}]" for t in tracked])
-    styles = _Styles(tracked)
+    styles = _styles(tracked)
     for panel, each in zip(panels, tracked, strict=True):
-        style: dict[str, Any] = {"color": MEASURED, "lw": 3, "label": "measured"}
-        draw_line(panel, rollout.time, each.measured, **style)
+        draw_line(panel, rollout.time, each.measured, **_MEASURED)
         for label, reference in each.references.items():
-            style = {"color": styles.colour(label), "ls": styles.dashes(label)}
-            draw_line(panel, rollout.time, reference, lw=1.2, label=label, **style)
+            style = {"lw": 1.2, "label": label, **styles[label]}
+            draw_line(panel, rollout.time, reference, **style)
         see_least(panel, each.unit)
     add_legend(picture, panels)
     return picture
@@ -524,13 +504,13 @@ def plot_error(rollout: Rollout, joints: Sequence[str]) -> Picture:
     picture, panels = make_time_panels(
         [f"{each.joint} [{units[each.unit].name}]" for each in followers]
     )
-    styles = _Styles(followers)
+    styles = _styles(followers)
     for panel, each in zip(panels, followers, strict=True):
         unit = units[each.unit]
         panel.axhline(0.0, color="0.6", lw=0.8)
         for label, reference in each.references.items():
             error = unit.factor * (reference - each.measured)
-            style = {"color": styles.colour(label), "label": f"{label} − measured"}
+            style = {"color": styles[label]["color"], "label": f"{label} − measured"}
             draw_line(panel, rollout.time, error, lw=1.2, **style)
         see_least(panel, each.unit, 1e-4 * unit.factor)
         if not each.unit.endswith("/s"):
@@ -550,22 +530,21 @@ def _common_units(tracked: Sequence[Tracked]) -> dict[str, Unit]:
     return {unit: choose_unit(unit, peak_of(found)) for unit, found in errors.items()}
 
 
-class _Styles:
-    """Lines look alike that have the same label."""
-
-    def __init__(self, tracked: Sequence[Tracked]) -> None:
-        labels = dict.fromkeys(label for each in tracked for label in each.references)
-        self._numbers = {label: number for number, label in enumerate(labels)}
-
-    def colour(self, label: str) -> str:
-        return COMMANDED[self._numbers[label] % len(COMMANDED)]
-
-    def dashes(self, label: str) -> Any:
-        return DASHES[self._numbers[label] % len(DASHES)]
+def _styles(tracked: Sequence[Tracked]) -> dict[str, dict[str, Any]]:
+    """Return how references look, by their labels: those of one label are alike."""
+    labels = dict.fromkeys(label for each in tracked for label in each.references)
+    looks = zip(itertools.cycle(COMMANDED), itertools.cycle(DASHES), strict=False)
+    return {
+        label: {"color": color, "ls": dashes}
+        for label, (color, dashes) in zip(labels, looks, strict=False)
+    }
 
 
-def _tolerances(rollout: Rollout, joint: str) -> Iterator[Tolerance]:
-    """Yield how far off goals allowed a joint to be, where they say so themselves."""
+def _tolerances(rollout: Rollout, joint: str) -> Iterator[tuple[float, float, float]]:
+    """Yield how far off goals allowed a joint to be, where they say so themselves.
+
+    From when to when [s], both the same at a goal's end, and how far [rad] or [m].
+    """
     last = float(rollout.time[-1]) if len(rollout.time) else 0.0
     for record in rollout.goals:
         end = last if record.ended_at is None else record.ended_at
@@ -577,10 +556,12 @@ def _tolerances(rollout: Rollout, joint: str) -> Iterator[Tolerance]:
                 value = float(tolerance.get("position", 0.0))
                 # 0 is the controller's own, less is none.
                 if tolerance.get("name") == joint and 0.0 < value < np.inf:
-                    yield Tolerance(start, end, value)
+                    yield start, end, value
 
 
-def _draw_tolerances(panel: Axes, found: Iterator[Tolerance], unit: Unit) -> None:
+def _draw_tolerances(
+    panel: Axes, found: Iterator[tuple[float, float, float]], unit: Unit
+) -> None:
     """Draw tolerances: lines along the way, a bar at the end of a goal."""
     low, high = panel.get_ylim()
     largest = max(abs(low), abs(high))

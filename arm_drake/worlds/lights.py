@@ -9,13 +9,12 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from pydrake.math import RigidTransform, RollPitchYaw
 
-from arm_drake.description.elements import text_of
+from arm_drake.description.elements import parse_floats, parse_sdf_bool, text_of
+from arm_drake.description.links import Vector
 from arm_drake.importing import dataclass
-from arm_drake.worlds.sdf_files import SdfFile, parse_floats
-
-Vector = tuple[float, float, float]
+from arm_drake.plant.plant import transform_of
+from arm_drake.worlds.sdf_files import SdfFile
 
 
 @dataclass(frozen=True)
@@ -75,7 +74,7 @@ def _read_light(element: ET.Element, file: SdfFile) -> Light | None:
         file.note("warning", "invalid", what, "left out", element, where)
         return None
     pose = _numbers(element, "pose", (0.0,) * 6, file)
-    X_WL = RigidTransform(RollPitchYaw(np.array(pose[3:])), np.array(pose[:3]))
+    X_WL = transform_of(pose)
     direction = _numbers(element, "direction", (0.0, 0.0, -1.0), file)
     along = X_WL.rotation() @ np.array(direction)
     if not np.linalg.norm(along) > 0.0:
@@ -101,7 +100,7 @@ def _read_light(element: ET.Element, file: SdfFile) -> Light | None:
         direction=(x, y, z),
         cone_angle=min(max(math.degrees(outer) / 2.0, 1.0), 89.0),
         cast_shadows=is_directional
-        and text_of(element, "cast_shadows") in ("1", "true"),
+        and parse_sdf_bool(text_of(element, "cast_shadows")) is True,
     )
 
 
@@ -109,8 +108,7 @@ def _numbers(
     element: ET.Element, path: str, default: tuple[float, ...], file: SdfFile
 ) -> tuple[float, ...]:
     """Return the numbers of a child; the default, and a note, if it has others."""
-    found = element.find(path)
-    text = "" if found is None else (found.text or "").strip()
+    text = text_of(element, path)
     if not text:
         return default
     numbers = parse_floats(text)

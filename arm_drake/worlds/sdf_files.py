@@ -1,7 +1,6 @@
 """SDF files: their elements and lines, what is reported of them, what they name."""
 
 import copy
-import math
 import os
 import re
 import xml.etree.ElementTree as ET
@@ -10,7 +9,7 @@ from pathlib import Path
 from urllib.parse import unquote
 from xml.parsers import expat
 
-from arm_drake.description.elements import explain_malformed, parse_float, text_of
+from arm_drake.description.elements import MAX_DEPTH, explain_malformed, text_of
 from arm_drake.description.packages import PackageFinder, folders_below
 from arm_drake.description.report import Kind, LoadReport, Severity
 from arm_drake.errors import InputError, PackageError
@@ -19,9 +18,6 @@ from arm_drake.yaml_files import YamlError, read_text
 
 # Largest file to read [bytes].
 MAX_SIZE = 64 * 2**20
-
-# Elements are nested so deep at most; the functions that read them are recursive.
-_MAX_DEPTH = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +110,8 @@ def _parse(path: Path, text: str) -> tuple[ET.Element, dict[ET.Element, int]]:
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal depth
         depth += 1
-        if depth > _MAX_DEPTH:
-            problem = f"elements are nested more than {_MAX_DEPTH} deep"
+        if depth > MAX_DEPTH:
+            problem = f"elements are nested more than {MAX_DEPTH} deep"
             raise refuse(f"{problem}; no SDF needs that")
         lines[builder.start(tag, attributes)] = parser.CurrentLineNumber
 
@@ -146,18 +142,6 @@ def replace_child(parent: ET.Element, tag: str, text: str | None = None) -> None
         parent.remove(child)
     if text is not None:
         ET.SubElement(parent, tag).text = text
-
-
-def parse_floats(text: str) -> tuple[float, ...] | None:
-    """Return the finite numbers that a text consists of, or None."""
-    found = [parse_float(word) for word in text.split()]
-    known = tuple(x for x in found if x is not None and math.isfinite(x))
-    return known if len(known) == len(found) else None
-
-
-def is_true(text: str) -> bool:
-    """Return whether a text says true, as SDF writes it."""
-    return text.strip().lower() in ("true", "1")
 
 
 def name_of(element: ET.Element) -> str:

@@ -7,9 +7,15 @@ from pathlib import Path
 
 import numpy as np
 from pydrake.common.eigen_geometry import Quaternion
-from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
+from pydrake.math import RigidTransform, RotationMatrix
 
-from arm_drake.description.elements import parse_float, text_of
+from arm_drake.description.elements import (
+    parse_float,
+    parse_floats,
+    parse_sdf_bool,
+    parse_sdf_pose,
+    text_of,
+)
 from arm_drake.description.meshes.conversion import (
     Scale,
     convert_collision,
@@ -20,11 +26,10 @@ from arm_drake.description.report import Severity
 from arm_drake.errors import InputError
 from arm_drake.importing import dataclass
 from arm_drake.plant.contact import GROUND, GROUND_FRICTION
+from arm_drake.plant.plant import pose_of, transform_of
 from arm_drake.worlds.sdf_files import (
     ModelFinder,
     SdfFile,
-    is_true,
-    parse_floats,
     place_of,
     read_sdf,
     replace_child,
@@ -182,7 +187,7 @@ class Cleaner:
             return self._include(element, file, is_static, place, depth)
         own = text_of(element, "static")
         if is_static is None and own:
-            is_static = is_true(own)
+            is_static = bool(parse_sdf_bool(own))
         replace_child(element, "static", "true" if is_static else None)
         file.remove(element, _OF_MODELS, place)
         is_level = (
@@ -262,14 +267,14 @@ class Cleaner:
             return None
         own = text_of(include, "static")
         if is_static is None and own:
-            is_static = is_true(own)
+            is_static = bool(parse_sdf_bool(own))
         try:
             included = self._files.setdefault(path, read_sdf(path, file.report))
             model = included.root.find("model")
             if model is None:
                 raise included.error("<sdf> has no <model> to include", included.root)
             if is_static is None:
-                is_static = is_true(text_of(model, "static"))
+                is_static = bool(parse_sdf_bool(text_of(model, "static")))
             target = self._keep(included, model, is_static, where, depth)
         except InputError as error:
             what, place, line = error.problem, error.file, error.line
@@ -487,9 +492,7 @@ class _Shape:
             pose = ET.SubElement(self.element, "pose")
         for name in ("degrees", "rotation_format"):
             pose.attrib.pop(name, None)
-        angles = RollPitchYaw(X_LG.rotation()).vector()
-        values = [*X_LG.translation().tolist(), *angles.tolist()]
-        pose.text = " ".join(map(repr, values))
+        pose.text = " ".join(map(repr, pose_of(X_LG)))
         return [self.element]
 
     def _numbers(
@@ -549,22 +552,19 @@ def _pose_of(element: ET.Element, file: SdfFile) -> RigidTransform:
     pose = element.find("pose")
     if pose is None or not (pose.text or "").strip():
         return RigidTransform()
-    values = parse_floats(pose.text or "")
-    is_quaternion = pose.get("rotation_format") == "quat_xyzw"
-    if values is None or len(values) != (7 if is_quaternion else 6):
+    values = parse_sdf_pose(pose)
+    if values is None:
+        is_quaternion = pose.get("rotation_format") == "quat_xyzw"
         count = "7 numbers" if is_quaternion else "x y z roll pitch yaw"
         raise file.error(f"<pose>: expected {count}, got {pose.text!r}", pose)
-    if is_quaternion:
+    if len(values) == 7:
         x, y, z, w = values[3:]
         norm = float(np.linalg.norm(values[3:]))
         if norm == 0.0:
             raise file.error("<pose>: a quaternion of length 0", pose)
         quaternion = Quaternion(*(np.array([w, x, y, z]) / norm))
         return RigidTransform(RotationMatrix(quaternion), np.array(values[:3]))
-    angles = np.array(values[3:])
-    if pose.get("degrees", "") in ("true", "1"):
-        angles = np.deg2rad(angles)
-    return RigidTransform(RollPitchYaw(angles), np.array(values[:3]))
+    return transform_of(values)
 
 
 def _keeps_plane(X: RigidTransform) -> bool:

@@ -8,20 +8,23 @@ from pathlib import Path
 from pydrake.geometry import Meshcat
 from pydrake.multibody.plant import MultibodyPlant
 
-from arm_drake.description.elements import text_of
+from arm_drake.description.elements import (
+    free_name,
+    parse_floats,
+    parse_sdf_bool,
+    text_of,
+)
+from arm_drake.description.links import Vector
 from arm_drake.description.report import LoadReport, Severity
 from arm_drake.importing import dataclass
 from arm_drake.worlds.lights import Light, read_lights
 from arm_drake.worlds.sdf_files import (
     SdfFile,
     name_of,
-    parse_floats,
     read_sdf,
     replace_child,
 )
 from arm_drake.worlds.sdf_models import Cleaner, GroundLook
-
-Vector = tuple[float, float, float]
 
 
 def _add_nothing(plant: MultibodyPlant) -> None:
@@ -107,12 +110,9 @@ class SdfWorld:
     """A world on its way to Drake."""
 
     file: SdfFile
-    name: str
-    gravity: Vector | None
-    has_grid: bool
-    ground: GroundLook | None
-    background: Vector | None
-    lights: tuple[Light, ...] | None
+
+    # The same as loaded, but for what it adds to plants.
+    loaded: LoadedWorld
 
     # Models and inclusions, those that stand still and those that move.
     static: Sequence[ET.Element]
@@ -127,7 +127,7 @@ class SdfWorld:
     def text(self, elements: Iterable[ET.Element]) -> str:
         """Return an SDF text of some of its elements."""
         root = ET.Element("sdf", self.file.root.attrib)
-        world = ET.SubElement(root, "world", name=self.name)
+        world = ET.SubElement(root, "world", name=self.loaded.name)
         world.extend(elements)
         return ET.tostring(root, encoding="unicode")
 
@@ -162,15 +162,19 @@ def read_world(path: Path, package_paths: Sequence[Path] = ()) -> SdfWorld:
                 _rename(cleaned.element, cleaned.name, names, element, file)
                 kept[cleaned.is_static].append(cleaned.element)
     cleaner.report_missing()
-    scene = world.find("scene")
+    scene, lights = world.find("scene"), world.findall("light")
+    loaded = LoadedWorld(
+        world.get("name") or "default",
+        gravity=_read_gravity(world, file),
+        has_grid=parse_sdf_bool(text_of(scene, "grid")) is not False,
+        ground=cleaner.ground,
+        background=_read_background(scene),
+        lights=read_lights(lights, file) if lights else None,
+        report=file.report,
+    )
     return SdfWorld(
         file,
-        world.get("name") or "default",
-        _read_gravity(world, file),
-        scene is None or text_of(scene, "grid") not in ("false", "0"),
-        cleaner.ground,
-        _read_background(scene),
-        _read_lights(world, file),
+        loaded,
         kept[True],
         kept[False],
         [child for child in world if child.tag in _FRAMES],
@@ -235,10 +239,7 @@ def _rename(
     file: SdfFile,
 ) -> None:
     """Give an element another name if one before it has that."""
-    number, free = 1, name
-    while free in names:
-        number += 1
-        free = f"{name}_{number}"
+    free = free_name(name, names.__contains__)
     names.add(free)
     if free == name:
         return
@@ -268,13 +269,8 @@ def _read_gravity(world: ET.Element, file: SdfFile) -> Vector | None:
     return values
 
 
-def _read_lights(world: ET.Element, file: SdfFile) -> tuple[Light, ...] | None:
-    elements = world.findall("light")
-    return read_lights(elements, file) if elements else None
-
-
 def _read_background(scene: ET.Element | None) -> Vector | None:
-    words = [] if scene is None else text_of(scene, "background").split()
+    words = text_of(scene, "background").split()
     color = _vector(" ".join(words[:3]))
     return color if color is not None and all(0.0 <= x <= 1.0 for x in color) else None
 

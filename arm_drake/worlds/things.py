@@ -6,14 +6,15 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 from pydrake.geometry import Box, Cylinder, Sphere
-from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.math import RigidTransform
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import CalcSpatialInertia, RigidBody
 from pydrake.systems.framework import Context
 
-from arm_drake.description.robot import Pose
+from arm_drake.description.links import Pose
 from arm_drake.errors import InputError, suggest
 from arm_drake.importing import dataclass
+from arm_drake.plant.plant import transform_of
 from arm_drake.worlds.sdf_world import LoadedWorld
 
 # Colours by name: red, green and blue from 0 to 1.
@@ -96,8 +97,7 @@ class Thing:
             raise InputError(f"{text}; give it another")
         shape = SHAPES[self.kind][1](*self.size)
         model = plant.AddModelInstance(self.name)
-        rpy = RollPitchYaw(np.array(self.pose[3:]))
-        X_WB = RigidTransform(rpy, np.array(self.pose[:3]))
+        X_WB = transform_of(self.pose)
         label, friction = self.name, CoulombFriction(self.friction, self.friction)
         body, X_BG = plant.world_body(), X_WB
         if not self.fixed:

@@ -1,5 +1,6 @@
 """Worlds by name, by file and by function, and how they are added to plants."""
 
+import dataclasses as dc
 import functools
 import os
 import re
@@ -138,17 +139,8 @@ def load_sdf_world(path: Path, package_paths: Sequence[Path] = ()) -> LoadedWorl
         not moved[0].IsAnchored(moved[0].get_body(BodyIndex(i)))
         for i in range(moved[0].num_bodies())
     )
-    return LoadedWorld(
-        world.name,
-        _AddSdfWorld(add_to, path, tuple(package_paths)),
-        has_things=has_things,
-        gravity=world.gravity,
-        has_grid=world.has_grid,
-        ground=world.ground,
-        background=world.background,
-        lights=world.lights,
-        report=world.file.report,
-    )
+    adder = _AddSdfWorld(add_to, path, tuple(package_paths))
+    return dc.replace(world.loaded, add_to=adder, has_things=has_things)
 
 
 @dataclass(frozen=True, eq=False)

@@ -101,16 +101,26 @@ def test_a_recording_of_the_command_plays_as_a_file(page: Page, film: Path) -> N
 HOLD_A_COMMAND = """
     const fetch_now = window.fetch;
     let count = 0;
-    window.fetch = (...given) => ++count !== 9 ? fetch_now(...given)
-        : new Promise((done) => { window.release = () => done(fetch_now(...given)); });
+    window.num_waiting = 0;
+    window.fetch = async (...given) => {
+        ++num_waiting;
+        if (++count === 9) await new Promise((done) => { window.release = done; });
+        const answer = await fetch_now(...given);
+        --num_waiting;
+        return answer;
+    };
 """
+
+# Until the page has drawn twice what it has by now.
+TWO_FRAMES = """() => new Promise(
+    (done) => requestAnimationFrame(() => requestAnimationFrame(done)))"""
 
 
 def test_a_recording_waits_for_all_of_its_scene(page: Page, film: Path) -> None:
     page.add_init_script(HOLD_A_COMMAND)
     page.goto(film.as_uri())
-    page.wait_for_function("() => viewer.animator.duration > 0")
-    page.wait_for_timeout(300.0)
+    page.wait_for_function("() => viewer.animator.duration > 0 && num_waiting === 1")
+    page.evaluate(TWO_FRAMES)
 
     assert bar_widget(page, "play").inner_text() == "loading…"
     assert bar_widget(page, "play").is_disabled()

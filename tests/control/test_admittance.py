@@ -26,6 +26,7 @@ def make_rule(**inputs: Any) -> AdmittanceRule:
         "mass": np.ones(6),
         "damping_ratio": np.full(6, 10.0 / (2.0 * np.sqrt(50.0))),
         "stiffness": np.full(6, 50.0),
+        "is_mass_in_control_frame": True,
         "joint_damping": 0.0,
         "alpha": 0.0,
         "filter_coefficient": 1.0,
@@ -188,6 +189,16 @@ def test_the_mass_is_that_of_the_control_frame() -> None:
     R = np.kron(np.eye(2), TURNED)
     expected = np.linalg.solve(R @ np.diag(mass) @ R.T, wrench)
     assert state.acceleration == pytest.approx(expected, abs=ROUNDING)
+
+
+def test_the_mass_may_be_that_of_the_base() -> None:
+    mass = np.array([1.0, 2.0, 4.0, 0.1, 0.2, 0.4])
+    wrench = np.array([10.0, -5.0, 3.0, 0.5, 1.0, -1.0])
+    rule = make_rule(mass=mass, is_mass_in_control_frame=False)
+
+    state = push(rule, wrench, 1, 0.01, R_BC=TURNED)[-1]
+
+    assert state.acceleration == pytest.approx(wrench / mass, abs=ROUNDING)
 
 
 def test_along_other_axes_than_the_selected_ones_a_wrench_does_nothing() -> None:

@@ -109,19 +109,18 @@ def test_of_the_claims_of_a_joint_one_is_followed(claims, expected):
 
 
 @pytest.mark.parametrize(
-    ("claims", "is_guided", "is_plain"),
+    ("claims", "is_guided"),
     [
-        (("a/position", "b/position"), [False, False], True),
-        (("a/position",), [False, False], False),
-        (("a/position", "b/position", "b/velocity"), [False, True], False),
-        (("a/position", "b/velocity"), [False, False], False),
+        (("a/position", "b/position"), [False, False]),
+        (("a/position",), [False, False]),
+        (("a/position", "b/position", "b/velocity"), [False, True]),
+        (("a/position", "b/velocity"), [False, False]),
     ],
 )
-def test_a_position_may_come_with_its_velocity(claims, is_guided, is_plain):
+def test_a_position_may_come_with_its_velocity(claims, is_guided):
     mode = mode_of(*claims)
 
     assert mode.is_guided.tolist() == is_guided
-    assert mode.is_plain is is_plain
 
 
 def test_a_joint_has_the_rate_of_the_controller_that_commands_it():

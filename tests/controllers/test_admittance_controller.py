@@ -159,8 +159,14 @@ def make_params(robot: ad.Robot, distro: str = "jazzy") -> ControllerInterfacePa
 class Pushed(Driven):
     """The slide's controller, and what is measured of it."""
 
-    def __init__(self, folder: Path, distro: str = "jazzy", **parameters: Any) -> None:
-        params = make_params(models.load(folder, slide()), distro)
+    def __init__(
+        self,
+        folder: Path,
+        distro: str = "jazzy",
+        urdf: str | None = None,
+        **parameters: Any,
+    ) -> None:
+        params = make_params(models.load(folder, urdf or slide()), distro)
         super().__init__(AdmittanceController(make_parameters(**parameters), params))
         self.order = params.measured
 
@@ -449,6 +455,46 @@ def test_the_first_tick_of_a_push_is_that_of_the_law(tmp_path) -> None:
     )
     assert twist.linear.z == pytest.approx(a * h, rel=1e-12)
     assert status.admittance_acceleration.twist.linear.z == pytest.approx(a)
+
+
+# The slide's axis, z of the base, is along x of the control frame, backwards.
+@pytest.mark.parametrize(
+    ("distro", "mass"),
+    [("humble", 4.0), ("jazzy", 4.0), ("kilted", 4.0), ("rolling", 1.0)],
+)
+def test_the_mass_is_that_of_the_control_frame_since_rolling(
+    tmp_path, distro, mass
+) -> None:
+    turned = """
+  <link name="turned"/>
+  <joint name="turned" type="fixed">
+    <parent link="tool"/><child link="turned"/><origin rpy="0 1.5707963267948966 0"/>
+  </joint>
+</robot>"""
+    pushed = Pushed(
+        tmp_path,
+        distro,
+        slide().replace("</robot>", turned),
+        control__frame__id="turned",
+        admittance__mass=[1.0, 2.0, 4.0, 1.0, 1.0, 1.0],
+        command_interfaces=["acceleration"],
+    )
+    pushed.feel(0.0, wrench=(0.0, 0.0, 8.0, 0.0, 0.0, 0.0))
+
+    pushed.run()
+
+    assert pushed.command_values == pytest.approx([8.0 / mass], rel=1e-12)
+
+
+def test_the_status_names_the_frames_of_its_poses(pushed) -> None:
+    pushed.run()
+
+    status = pushed.output("status")
+    poses = (status.ref_trans_base_ft, status.admittance_position)
+    assert [(pose.header.frame_id, pose.child_frame_id) for pose in poses] == [
+        ("base", "tool"),
+        ("base", "admittance_offset"),
+    ]
 
 
 def test_a_wrench_of_the_topic_stays_over_a_deactivation(pushed) -> None:

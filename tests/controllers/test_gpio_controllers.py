@@ -154,12 +154,54 @@ def test_sizes_that_do_not_match_fail_and_write_nothing(  # GP4
     assert driven.output("events") == ((0, TopicRejected(sent, reason)),)
 
 
+@pytest.mark.parametrize(("groups", "num_values"), [(["gpio1"], 0), ([], 1), ([], 0)])
+def test_without_groups_or_values_a_message_takes_the_last_one_back(
+    groups: list[str], num_values: int
+) -> None:
+    driven = drive()
+    send(driven, EVERY)
+    driven.command_values = np.array(HELD)
+    sent = DynamicInterfaceGroupValues(
+        interface_groups=groups,
+        interface_values=[InterfaceValue(["dig.1"], [5.0])] * num_values,
+    )
+
+    is_ok = driven.run({"commands": sent}).is_ok
+
+    assert is_ok
+    assert driven.command_values.tolist() == list(HELD)
+
+
+def test_values_beyond_the_groups_are_skipped() -> None:
+    driven = drive()
+    sent = DynamicInterfaceGroupValues(
+        interface_groups=["gpio1"],
+        interface_values=[InterfaceValue(["dig.1"], [5.0]), InterfaceValue(["x"], [])],
+    )
+
+    is_ok = driven.run({"commands": sent}).is_ok
+
+    assert is_ok
+    assert driven.command_values.tolist() == [5.0, *HELD[1:]]
+    reason = (
+        "interface_values must be as many as interface_groups, 1, got 2; the rest is "
+        "skipped"
+    )
+    assert driven.output("events") == ((0, TopicRejected(sent, reason)),)
+
+
+# Its update fails.
+UNEQUAL = DynamicInterfaceGroupValues(
+    interface_groups=["gpio1"], interface_values=[InterfaceValue(["dig.1"], [])]
+)
+
+
 def test_a_failure_lasts_where_the_manager_goes_on() -> None:
     driven = drive(distro="humble")
     send(driven, EVERY)
     driven.command_values = np.array(HELD)
 
-    driven.run({"commands": DynamicInterfaceGroupValues(interface_groups=["gpio1"])})
+    driven.run({"commands": UNEQUAL})
     tick = driven.run()
 
     assert not tick.is_ok
@@ -169,8 +211,7 @@ def test_a_failure_lasts_where_the_manager_goes_on() -> None:
 
 def test_after_a_failure_an_activation_starts_anew() -> None:
     driven = drive()
-    bad = DynamicInterfaceGroupValues(interface_groups=["gpio1"])
-    driven.run({"commands": bad})
+    driven.run({"commands": UNEQUAL})
     driven.run(activation=None)
 
     tick = driven.run(activation=2)

@@ -212,7 +212,20 @@ def test_a_wheel_without_a_name_is_refused(wheel: str) -> None:  # ME7
     assert str(error.value) == f"base.yaml:1: base: {name} must not be empty, got ''"
 
 
-def make_parameters_from_file(changes: dict[str, Any]) -> Any:
+@pytest.mark.parametrize(
+    ("distro", "limit"), [("humble", math.nan), ("jazzy", 2.0), ("kilted", 2.0)]
+)
+def test_velocities_have_limits_since_jazzy(distro: str, limit: float) -> None:
+    names = ("linear.x.max_velocity", "linear.y.max_velocity", "angular.z.max_velocity")
+
+    loaded = make_parameters_from_file(dict.fromkeys(names, 2.0), distro=distro)
+
+    limits = (loaded.linear.x, loaded.linear.y, loaded.angular.z)
+    found = [each.max_velocity for each in limits]
+    np.testing.assert_array_equal(found, [limit] * 3)
+
+
+def make_parameters_from_file(changes: dict[str, Any], distro: str = "rolling") -> Any:
     wheels = ("front_left", "front_right", "rear_right", "rear_left")
     parameters: dict[str, Any] = {
         f"{wheel}_wheel_command_joint_name": wheel for wheel in wheels
@@ -225,7 +238,7 @@ def make_parameters_from_file(changes: dict[str, Any]) -> Any:
         "base",
         file,
         LoadReport(),
-        distro="rolling",
+        distro=distro,
     )
 
 

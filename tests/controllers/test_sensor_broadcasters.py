@@ -477,6 +477,26 @@ def test_a_filtered_wrench_is_that_of_its_filters_in_a_row() -> None:
     assert wrench_of(driven.output("wrench")) == (8.0, *SIX[1:])
 
 
+KEY = "sensor_filter_chain.filter1"
+
+
+def test_a_wrench_is_smoothed_exponentially() -> None:
+    parameters = {
+        f"{KEY}.name": "first",
+        f"{KEY}.type": "control_filters/ExponentialFilterWrench",
+        f"{KEY}.params.alpha": 0.7,
+    }
+    driven = drive(WRENCH, parameters)
+
+    first, second = (
+        wrench_of(publish(driven, sample, "wrench_filtered"))
+        for sample in (SIX, [0.0] * 6)
+    )
+
+    assert first == pytest.approx(SIX)
+    assert second == pytest.approx([0.3 * value for value in SIX])
+
+
 def test_filters_go_on_where_they_were() -> None:
     driven = drive(WRENCH, chain(1, "first"))
     publish(driven, [0.0] * 6)
@@ -489,9 +509,6 @@ def test_filters_go_on_where_they_were() -> None:
     assert wrench_of(driven.output("wrench_filtered")) == (0.0,) * 6
 
 
-KEY = "sensor_filter_chain.filter1"
-
-
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
@@ -499,8 +516,20 @@ KEY = "sensor_filter_chain.filter1"
             {f"{KEY}.type": "control_filters/LowPassFilterDouble"},
             "type: no filter of wrenches 'control_filters/LowPassFilterDouble'; did "
             "you mean 'control_filters/LowPassFilterWrench'? known: "
+            "control_filters/ExponentialFilterWrench, "
             "control_filters/GravityCompensationWrench, "
             "control_filters/LowPassFilterWrench",
+        ),
+        (
+            {f"{KEY}.type": "control_filters/ExponentialFilterWrench"},
+            "params.alpha: is required but missing",
+        ),
+        (
+            {
+                f"{KEY}.type": "control_filters/ExponentialFilterWrench",
+                f"{KEY}.params.alpha": 1.5,
+            },
+            "params: alpha must be from 0 to 1, got 1.5",
         ),
         ({f"{KEY}.name": 3}, "name: expected str, got 3"),
         (

@@ -212,6 +212,48 @@ def test_friction_of_what_is_no_link_is_reported():
     ]
 
 
+def test_friction_of_joints_is_one_line_that_names_them():
+    tags = "".join(
+        f'<joint name="{name}"/><gazebo reference="{name}"><mu1>0.2</mu1></gazebo>'
+        for name in "ab"
+    )
+
+    report = LoadReport()
+    report_gazebo(ET.XML(f"<robot>{tags}</robot>"), report, Path("arm.urdf"))
+
+    assert [str(entry) for entry in report.grouped()] == [
+        "warning: arm.urdf: joint 'a', joint 'b': <mu1> of a joint; it has no effect"
+    ]
+
+
+def test_a_value_may_be_an_attribute():
+    body = """<link name="a"/><gazebo reference="a"><mu1 value="0.2"/>
+      <gravity value="false"/></gazebo>"""
+
+    assert read_friction(ET.XML(f"<robot>{body}</robot>"), ["a"]) == {"a": 0.2}
+    assert lines_of(body) == [
+        "warning: arm.urdf: link 'a': <gravity> is 'false'; it has its weight here"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("tag", "is_told"),
+    [
+        ("<gravity>true</gravity>", False),
+        ("<gravity>1</gravity>", False),
+        ("<gravity>0</gravity>", True),
+        ("<turnGravityOff>true</turnGravityOff>", True),
+        ("<turnGravityOff>false</turnGravityOff>", False),
+    ],
+)
+def test_links_that_are_weightless_in_gazebo_are_told(tag, is_told):
+    lines = lines_of(f'<link name="a"/><gazebo reference="a">{tag}</gazebo>')
+
+    assert [line.partition("is ")[0] for line in lines] == [
+        f"warning: arm.urdf: link 'a': {tag.partition('>')[0]}> "
+    ] * is_told
+
+
 def test_friction_as_sdf_has_it_is_no_tag_without_effect() -> None:
     body = """<link name="a"/><gazebo reference="a"><collision><surface><friction>
       <ode><mu>0.3</mu></ode></friction></surface></collision><kp>1</kp></gazebo>"""

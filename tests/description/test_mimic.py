@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from arm_drake.description.gazebo import add_mimics, read_gazebo_plugins
 from arm_drake.description.joints import JointInfo, Mimic, find_mimics, write_joint
 from arm_drake.description.report import LoadReport
 from arm_drake.description.ros2_control import (
@@ -44,6 +45,70 @@ def find(
     lines = [str(entry) for entry in report]
     assert joints[:-1] == others
     return joints[-1].mimic, lines
+
+
+def follow(plugin: str, mimic: Mimic | None = None) -> tuple[Mimic | None, list[str]]:
+    """Return the relation of joint j, which a plugin of Gazebo Classic names."""
+    text = f"<robot><gazebo>{plugin}</gazebo></robot>"
+    plugins = read_gazebo_plugins(ET.XML(text))
+    report = LoadReport()
+    joints = add_mimics(
+        [joint("m"), joint("j", mimic)], plugins, report, Path("arm.urdf")
+    )
+    return joints[-1].mimic, [str(entry) for entry in report]
+
+
+# Plugins of Gazebo Classic
+
+
+@pytest.mark.parametrize(
+    "library",
+    [
+        "libgazebo_mimic_joint_plugin.so",
+        "libroboticsgroup_gazebo_mimic_joint_plugin.so",
+        "libroboticsgroup_upatras_gazebo_mimic_joint_plugin.so",
+    ],
+)
+def test_a_joint_follows_where_a_plugin_alone_says_so(library):
+    plugin = f"""<plugin name="p" filename="{library}"><joint>m</joint>
+      <mimicJoint>j</mimicJoint><multiplier>-2</multiplier><offset>0.5</offset>
+      <maxEffort>1</maxEffort></plugin>"""
+
+    assert follow(plugin) == (
+        Mimic("m", -2.0, 0.5),
+        [
+            "info: arm.urdf: Gazebo plugin 'p', joint 'j': lets it follow 'm'; the "
+            "URDF doesn't; taken as its <mimic>"
+        ],
+    )
+
+
+PLUGIN = """<plugin name="p" filename="libgazebo_mimic_joint_plugin.so">
+  <joint>m</joint><mimicJoint>{}</mimicJoint></plugin>"""
+
+
+def test_a_plugin_may_say_what_the_urdf_says():
+    assert follow(PLUGIN.format("j"), Mimic("m")) == (Mimic("m"), [])
+
+
+def test_the_urdf_counts_before_a_plugin():
+    assert follow(PLUGIN.format("j"), Mimic("m", -1.0)) == (
+        Mimic("m", -1.0),
+        [
+            "warning: arm.urdf: Gazebo plugin 'p': j = 1 m + 0, in the URDF -1 m + 0; "
+            "the URDF counts"
+        ],
+    )
+
+
+def test_a_plugin_of_a_joint_that_isnt_there_is_left_out():
+    assert follow(PLUGIN.format("jj")) == (
+        None,
+        [
+            "warning: arm.urdf: Gazebo plugin 'p': <mimicJoint> 'jj', which doesn't "
+            "exist; did you mean 'j'? known: j, m; the plugin is left out"
+        ],
+    )
 
 
 # The URDF's form

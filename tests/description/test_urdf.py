@@ -174,6 +174,17 @@ def test_a_mimic_joint_has_its_master_multiplier_and_offset():
     assert short == Mimic("m", multiplier=1.0, offset=0.0)
 
 
+def test_a_plugin_of_gazebo_classic_lets_a_joint_follow_without_a_line_of_no_effect():
+    plugin = """<gazebo><plugin name="p" filename="libgazebo_mimic_joint_plugin.so">
+      <joint>m</joint><mimicJoint>j</mimicJoint></plugin></gazebo>"""
+
+    master = joint(name="m", parent="b", child="c")
+    robot, lines = report_of(LINKS + master + joint() + plugin)
+
+    assert robot.joint("j").mimic == Mimic("m")
+    assert [line for line in lines if "no effect" in line] == []
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -356,7 +356,7 @@ def _main(words: list[str]) -> int:
 def _say(said: list[str]) -> int:
     """Have a page do what browsers say to it."""
     import arm_drake as ad
-    from arm_drake.visualization.page import Event, Page
+    from arm_drake.visualization.page import Page, WidgetEvent
     from arm_drake.visualization.page.live_simulation import LiveSimulation
 
     folder = Path.cwd()
@@ -369,7 +369,7 @@ def _say(said: list[str]) -> int:
         live = LiveSimulation(page, ad.Simulation(diagram), is_paused=True)
         for text in said:
             name, what = eval(text, {"nan": nan, "inf": inf})  # noqa: S307
-            live.handle([Event(name, what)])
+            live.handle([WidgetEvent(name, what)])
         # By the wall clock a rate of 1e-320 takes its time.
         live.pause()
         live.step()

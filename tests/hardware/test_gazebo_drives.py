@@ -317,8 +317,8 @@ def test_plugins_of_other_wheels_drive_together(tmp_path: Path) -> None:
         ("left", "right", "rear_left", "rear_right"), SPEED
     )
     assert any(
-        "'DiffDrive' and 'DiffDrive_2' publish on the topic '/model/cart/odometry'"
-        in entry.what
+        entry.where == "controller 'DiffDrive_2'"
+        and "the topic '/model/cart/odometry', as 'DiffDrive' does" in entry.what
         for entry in sim.report
     )
 

@@ -70,6 +70,17 @@ def simulation() -> ad.Simulation:
     return ad.Simulation(ad.build_diagram(load()))
 
 
+@pytest.mark.parametrize(
+    ("text", "has_points"), [("True", True), ("1", True), ("False", False), ("", False)]
+)
+def test_it_tells_points_where_its_tag_says_true(text: str, has_points: bool) -> None:
+    tags = _TAGS.replace("<pointCloud>true", f"<pointCloud>{text}")
+
+    [depth] = load(tags, ("depth",)).description.perception_sensors
+
+    assert ("points" in dict(depth.plugin_topics)) == has_points
+
+
 def test_its_topics_are_those_of_its_tags(simulation: ad.Simulation) -> None:
     [robot] = simulation.robots.values()
     sensors = robot.description.perception_sensors

@@ -656,12 +656,14 @@ def test_without_a_publisher_there_is_no_tf(sim):
         sim.topic("/tf")
 
 
-def test_two_publishers_of_one_name_are_reported(tmp_path):
-    sim = simulate(tmp_path, listeners(a="outputs: [/b]", c="outputs: [/b]"))
+def test_several_publishers_of_one_name_are_one_line(tmp_path):
+    names = dict.fromkeys("acd", "outputs: [/b]")
+    sim = simulate(tmp_path, listeners(**names))
 
-    lines = [str(entry) for entry in sim.report if entry.kind == "unsupported"]
+    lines = [str(e) for e in sim.report.grouped() if e.kind == "unsupported"]
     assert lines == [
-        "warning: 'a' and 'c' publish on the topic '/b'; what 'a' publishes is there"
+        "warning: controller 'c', controller 'd': publishes on the topic '/b', as 'a' "
+        "does; what 'a' publishes is there"
     ]
     assert sim.topic("/b").value().header.frame_id == "a"
 

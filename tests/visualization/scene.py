@@ -12,7 +12,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
-from arm_drake.description.robot import Pose
+from arm_drake.description.links import Pose
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.plant import add_plant, add_robot_model

@@ -171,36 +171,20 @@ def test_a_robot_on_the_world_is_moved_from_the_origin(tmp_path: Path) -> None:
 def test_shapes_are_sent_once_and_only_what_moved_afterwards(tmp_path: Path) -> None:
     robot, spy = make_scene(tmp_path, arm()), Spy()
     ghost = ghost_of(robot, spy)
-    ghost.update({"elbow": 0.5})
     assert spy.take() == []
     ghost.show({"elbow": 0.5})
     assert ("SetObject", f"{PATH}/lower/0") in spy.take()
 
-    ghost.update({"elbow": 0.6})
+    ghost.show({"elbow": 0.6})
     assert spy.take() == [("SetTransform", f"{PATH}/lower")]
 
     ghost.hide()
-    ghost.update({"elbow": 0.7})
     assert spy.take() == [("SetProperty", PATH)]
-    assert not ghost.is_shown
     assert not scene.is_visible(spy.meshcat, PATH)
 
     ghost.show({"elbow": 0.6})
     assert spy.take() == [("SetProperty", PATH)]
     assert scene.is_visible(spy.meshcat, PATH)
-
-
-def test_a_cleared_ghost_is_sent_again(tmp_path: Path) -> None:
-    robot, meshcat = make_scene(tmp_path, arm()), scene.start()
-    ghost = ghost_of(robot, meshcat)
-    ghost.show({})
-
-    ghost.clear()
-
-    assert not meshcat.HasPath(PATH)
-    ghost.show({"elbow": 0.0})
-    assert meshcat.HasPath(f"{PATH}/lower/0")
-    assert place(meshcat, "lower").shape == (4, 4)
 
 
 def test_meshes_get_the_colour_too_and_keep_their_place(tmp_path: Path) -> None:

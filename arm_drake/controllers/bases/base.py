@@ -15,7 +15,7 @@ from arm_drake import interfaces
 from arm_drake.control.filters import RateLimiter
 from arm_drake.control.odometry import PlanarPose
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
-from arm_drake.controllers.topics import INACTIVE, TopicController, TopicState
+from arm_drake.controllers.topics import CHAINED, TopicController, TopicState
 from arm_drake.description.parameters import (
     ParameterGroup,
     Rule,
@@ -323,8 +323,9 @@ class BaseController(TopicController[B]):
     # Whether velocities have a component to the left.
     moves_sideways: ClassVar[bool] = False
 
-    # The topic that says where the base is.
+    # The topic that says where the base is, and despite what it counts.
     pose_topic: ClassVar[tuple[str, type[Message]]] = ("set_odometry", SetOdometry)
+    takes_poses_despite: ClassVar[tuple[str, ...]] = (CHAINED,)
 
     def __init__(
         self,
@@ -372,7 +373,9 @@ class BaseController(TopicController[B]):
             self._subscribe(velocity, TwistStamped, self._take_velocity)
         else:
             self._subscribe(f"{velocity}_unstamped", Twist, self._take_velocity)
-        self._subscribe(*self.pose_topic, self._take_pose)
+        self._subscribe(
+            *self.pose_topic, self._take_pose, despite=self.takes_poses_despite
+        )
         self._declare_topic(odometry, self._describe_odometry)
         if parameters.enable_odom_tf:
             self._declare_topic(tf, self._describe_frames)
@@ -387,11 +390,9 @@ class BaseController(TopicController[B]):
         """Return what counts from now on, None if it is no other, and what is wrong."""
 
     def _take_velocity(
-        self, state: B, message: Twist | TwistStamped, time_ns: int, obstacle: str
+        self, state: B, message: Twist | TwistStamped, time_ns: int
     ) -> tuple[B, str]:
         """Return the state with a velocity; a stamp of 0 means now."""
-        if obstacle:
-            return state, obstacle
         if isinstance(message, TwistStamped):
             stamp_ns = message.header.stamp.to_nanoseconds() or time_ns
             twist = message.twist
@@ -406,17 +407,10 @@ class BaseController(TopicController[B]):
             state = state._replace(received=command)
         return state, fault
 
-    def _take_pose(
-        self, state: B, message: Any, time_ns: int, obstacle: str
-    ) -> tuple[B, str]:
+    def _take_pose(self, state: B, message: Any, time_ns: int) -> tuple[B, str]:
         """Return the state with a pose for the odometry."""
         pose = PlanarPose(message.x, message.y, message.yaw)
-        fault = self._find_pose_fault(pose, obstacle)
-        return (state, fault) if fault else (state._replace(pose=pose), "")
-
-    def _find_pose_fault(self, pose: PlanarPose, obstacle: str) -> str:
-        """Return why a pose isn't taken; empty if it is."""
-        return obstacle if obstacle == INACTIVE else ""
+        return state._replace(pose=pose), ""
 
     def _make_odometry(self, state: B, pose: PlanarPose) -> Odometry:
         v, *sideways, w = state.odometry.velocity

@@ -40,7 +40,7 @@ from arm_drake.controllers.cycles import (
     UpdateContext,
     UpdateResult,
 )
-from arm_drake.controllers.topics import CHAINED, Inbox, check_change
+from arm_drake.controllers.topics import ALWAYS, CHAINED, Inbox, check_change
 from arm_drake.description.parameters import (
     ParameterGroup,
     Rule,
@@ -282,7 +282,6 @@ class _SteadyDrive(SilentTicks):
         self, time_ns: int, motions: Array, memory: list[float]
     ) -> list[float] | None:
         """Return the velocities of the wheels; None where a position isn't finite."""
-        del time_ns
         system, settings, dt = self._system, self._last.settings, self._dt
         limited, odometry = DiffDriveMotion.from_numbers(memory, self._window)
         velocity = limit_velocity(settings.limiters, self._last.reference, limited, dt)
@@ -327,6 +326,7 @@ class DiffDriveController(BaseController[DiffDriveState]):
     References: `<name>/linear/velocity` [m/s] and `<name>/angular/velocity` [rad/s].
     """
 
+    takes_poses_despite = ALWAYS
     reads_by_now = True
 
     def __init__(
@@ -417,9 +417,6 @@ class DiffDriveController(BaseController[DiffDriveState]):
         # Its stamp counts nevertheless.
         fault = "linear.x and angular.z must be finite; the last reference stays"
         return command, fault
-
-    def _find_pose_fault(self, pose: PlanarPose, obstacle: str) -> str:
-        return ""
 
     def _move(self, now: UpdateContext, state: DiffDriveState) -> DiffDriveState:
         """Return the state after a tick with a reference."""

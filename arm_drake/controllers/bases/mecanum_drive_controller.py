@@ -146,8 +146,8 @@ class MecanumDriveControllerParameters:
     twist_covariance_diagonal: tuple[float, ...] = (0.1,) * 6
     pose_covariance_diagonal: tuple[float, ...] = (0.1,) * 6
 
-    linear: Annotated[MecanumLinear, Rule(since="rolling")] = MecanumLinear()
-    angular: Annotated[MecanumAngular, Rule(since="rolling")] = MecanumAngular()
+    linear: Annotated[MecanumLinear, Rule(since="jazzy")] = MecanumLinear()
+    angular: Annotated[MecanumAngular, Rule(since="jazzy")] = MecanumAngular()
 
     def __post_init__(self) -> None:
         check_not_empty(

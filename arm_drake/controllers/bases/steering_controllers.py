@@ -31,7 +31,7 @@ from arm_drake.controllers.bases.base import (
 )
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
-from arm_drake.controllers.topics import CHAINED, Inbox
+from arm_drake.controllers.topics import ALWAYS, CHAINED, Inbox
 from arm_drake.description.parameters import (
     ParameterGroup,
     Rule,
@@ -42,7 +42,7 @@ from arm_drake.description.parameters import (
     check_unique,
 )
 from arm_drake.importing import dataclass
-from arm_drake.messages import NANOSECONDS, Header
+from arm_drake.messages import NANOSECONDS, Header, SetOdometry
 from arm_drake.messages.control import SteeringControllerStatus
 
 _WHEELS = (
@@ -296,6 +296,7 @@ class SteeringController(BaseController[SteeringControllerState]):
     """
 
     topics = REFERENCE
+    takes_poses_despite = ALWAYS
 
     def __init__(
         self,
@@ -404,10 +405,13 @@ class SteeringController(BaseController[SteeringControllerState]):
             )
         return take_finite(command)
 
-    def _find_pose_fault(self, pose: PlanarPose, obstacle: str) -> str:
-        if all(map(math.isfinite, pose)):
-            return ""
-        return f"x, y and yaw must be finite, got {list(pose)}"
+    def _take_pose(
+        self, state: SteeringControllerState, message: SetOdometry, time_ns: int
+    ) -> tuple[SteeringControllerState, str]:
+        pose = [message.x, message.y, message.yaw]
+        if not all(map(math.isfinite, pose)):
+            return state, f"x, y and yaw must be finite, got {pose}"
+        return super()._take_pose(state, message, time_ns)
 
     def _activate(
         self, now: UpdateContext, state: SteeringControllerState

@@ -29,6 +29,7 @@ from arm_drake.controllers.gazebo.plugin import (
     GazeboPidState,
     JointForces,
     drive_topics,
+    find_number_fault,
     publish_period_ns,
 )
 from arm_drake.controllers.topics import Inbox
@@ -43,7 +44,6 @@ from arm_drake.messages import (
     Float64,
     Odometry,
     TransformStamped,
-    Twist,
 )
 from arm_drake.messages.control import Float32
 
@@ -167,19 +167,11 @@ class AckermannSteering(GazeboDrive):
         steering = (tag.left_steering_joints, tag.right_steering_joints)
         wheels = () if self._steers_alone else (tag.left_joints, tag.right_joints)
         groups = (*wheels, *steering)
-        # A joint of several follows the last of them.
-        moved = {joint: at for at, joints in enumerate(groups) for joint in joints}
-        self._group = np.array(list(moved.values()), dtype=np.intp)
-        first = [joints[0] for joints in groups]
-        super().__init__(tag, params, measured=first, commanded=list(moved))
-        topics = drive_topics(tag, params.robot_name)
+        super().__init__(tag, params, groups, only_steers=self._steers_alone)
         if self._steers_alone:
             self._period_ns = NEVER_NS
-            self._subscribe(topics.command, Float64, self._take_angle)
-        else:
-            self._subscribe(topics.command, Twist, self._take_twist)
-            self._declare_odometry(topics.odometry, topics.tf)
-        self._declare_events()
+            topic = drive_topics(tag, params.robot_name).command
+            self._subscribe(topic, Float64, self._take_angle)
 
     def _limit(
         self, target: Velocity, limited: tuple[Velocity, Velocity], dt: float
@@ -223,13 +215,11 @@ class AckermannSteering(GazeboDrive):
         )
 
     def _take_angle(
-        self, state: GazeboDriveState, message: Float64, time_ns: int, obstacle: str
+        self, state: GazeboDriveState, message: Float64, time_ns: int
     ) -> tuple[GazeboDriveState, str]:
         """Return the state with an angle of steering."""
-        if obstacle:
-            return state, obstacle
-        if not math.isfinite(message.data):
-            return state, f"data must be finite, got {message.data}; it is dropped"
+        if fault := find_number_fault(message):
+            return state, fault
         return state._replace(target=(0.0, message.data)), ""
 
 
@@ -338,7 +328,7 @@ class GazeboRosAckermannDrive(ClassicController[ClassicAckermannState]):
             command_interfaces=(*efforts, *put),
         )
         distance = {"distance": attrgetter("published_distance")}
-        self._declare_odometry(**(distance if tag.publish_distance else {}))
+        self._declare_outputs(**(distance if tag.publish_distance else {}))
 
     def _update(
         self, now: UpdateContext, state: ClassicAckermannState

@@ -3,7 +3,6 @@
 Source: gz-sim, src/systems/apply_joint_force/ApplyJointForce.cc.
 """
 
-import math
 from functools import partial
 from typing import NamedTuple
 
@@ -12,7 +11,11 @@ import numpy as np
 from arm_drake.arrays import Array
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
-from arm_drake.controllers.gazebo.plugin import JointForces, force_topic
+from arm_drake.controllers.gazebo.plugin import (
+    JointForces,
+    find_number_fault,
+    force_topic,
+)
 from arm_drake.controllers.topics import Inbox, TopicController
 from arm_drake.description.gazebo_plugins import ApplyJointForce as ApplyJointForceTag
 from arm_drake.messages import Float64
@@ -88,13 +91,10 @@ class ApplyJointForce(TopicController[JointForceState]):
         state: JointForceState,
         message: Float64,
         time_ns: int,
-        obstacle: str,
     ) -> tuple[JointForceState, str]:
         """Return the state with a force of tags."""
-        if obstacle:
-            return state, obstacle
-        if not math.isfinite(message.data):
-            return state, f"data must be finite, got {message.data}; it is dropped"
+        if fault := find_number_fault(message):
+            return state, fault
         forces = state.forces.copy()
         forces[tags] = message.data
         return state._replace(forces=forces), ""

@@ -54,7 +54,6 @@ class ContactSensor(ControllerInterface):
     ) -> None:
         """Create the system."""
         super().__init__(params)
-        self.message_types: dict[str, type[ContactsState]] = {}
         self._shapes = {f"{params.robot_name}::{shape}" for shape in tag.shapes}
         self._frame = tag.frame
         self._contacts = self.DeclareAbstractInputPort(

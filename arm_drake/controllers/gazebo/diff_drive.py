@@ -39,6 +39,7 @@ from arm_drake.controllers.gazebo.drive import (
 )
 from arm_drake.controllers.gazebo.plugin import (
     drive_topics,
+    is_early,
 )
 from arm_drake.controllers.topics import Inbox
 from arm_drake.description.gazebo_plugins import DiffDrive as DiffDriveTag
@@ -113,7 +114,6 @@ class _SteadyDrive(SilentTicks):
         self, time_ns: int, motions: Array, memory: list[float]
     ) -> list[float] | None:
         """Return the velocities of the wheels; None where a position isn't finite."""
-        del time_ns
         system, dt = self._system, self._dt
         limited, odometry = DiffDriveMotion.from_numbers(memory, system.window)
         limited = system._limit(self._last.target, limited, dt)
@@ -173,22 +173,11 @@ class DiffDrive(GazeboDrive):
         """Create the system."""
         radius = tag.wheel_radius
         self._kinematics = DiffDriveKinematics(tag.wheel_separation, radius, radius)
-        # Of a wheel on both sides, the right one is the last to be told.
-        sides = {
-            **dict.fromkeys(tag.left_joints, 0),
-            **dict.fromkeys(tag.right_joints, 1),
-        }
-        self._side = np.array(list(sides.values()), dtype=np.intp)
-        first = [side[0] for side in (tag.left_joints, tag.right_joints)]
-        super().__init__(tag, params, measured=first, commanded=list(sides))
-        topics = drive_topics(tag, params.robot_name)
-        self._enable = topics.enable
-        self._subscribe(topics.command, Twist, self._take_twist)
-        self._subscribe(topics.enable, Bool, self._take_switch)
+        super().__init__(tag, params, (tag.left_joints, tag.right_joints))
+        self._enable = drive_topics(tag, params.robot_name).enable
+        self._subscribe(self._enable, Bool, self._take_switch)
         # Of both in one tick, a switch counts first.
         self._topics.reverse()
-        self._declare_odometry(topics.odometry, topics.tf)
-        self._declare_events()
 
     def _find_command(self, velocity: Velocity, measured: Array, dt: float) -> Array:
         return self._to_wheels(velocity)
@@ -196,7 +185,7 @@ class DiffDrive(GazeboDrive):
     def _to_wheels(self, velocity: Velocity) -> Array:
         """Return the velocities of the wheels [rad/s], left ones first."""
         v, w = velocity
-        return np.array(self._kinematics.wheels(v, w))[self._side]
+        return np.array(self._kinematics.wheels(v, w))[self._group]
 
     def _count(
         self, odometry: WheelOdometryState, measured: Array, dt: float
@@ -219,17 +208,15 @@ class DiffDrive(GazeboDrive):
         return motion.numbers(self.num_remembered)
 
     def _take_switch(
-        self, state: GazeboDriveState, message: Bool, time_ns: int, obstacle: str
+        self, state: GazeboDriveState, message: Bool, time_ns: int
     ) -> tuple[GazeboDriveState, str]:
-        if obstacle:
-            return state, obstacle
         target = state.target if message.data else REST
         return state._replace(is_enabled=message.data, target=target), ""
 
     def _take_twist(
-        self, state: GazeboDriveState, message: Twist, time_ns: int, obstacle: str
+        self, state: GazeboDriveState, message: Twist, time_ns: int
     ) -> tuple[GazeboDriveState, str]:
-        taken, fault = super()._take_twist(state, message, time_ns, obstacle)
+        taken, fault = super()._take_twist(state, message, time_ns)
         if not (fault or state.is_enabled):
             return state, f"{self._enable} is false"
         return taken, fault
@@ -332,7 +319,7 @@ class GazeboRosDiffDrive(ClassicController[ClassicDriveState]):
             state_interfaces=tuple(f"{joint}/velocity" for joint in wheels),
             command_interfaces=tuple(f"{joint}/velocity" for joint in last),
         )
-        self._declare_odometry()
+        self._declare_outputs()
 
     def _update(
         self, now: UpdateContext, state: ClassicDriveState
@@ -348,8 +335,7 @@ class GazeboRosDiffDrive(ClassicController[ClassicDriveState]):
             truth, *_ = self._see(now) or (None,)
             state = state._replace(truth=truth)
         elapsed_ns = now.time_ns - state.last_ns
-        # Times of ticks are cut to whole nanoseconds.
-        if self._rate > 0.0 and (elapsed_ns + 1) * self._rate < NANOSECONDS:
+        if is_early(elapsed_ns, self._rate):
             return state
         state = self._publish(now, state, elapsed_ns / NANOSECONDS)
         v, w = state.target

@@ -26,6 +26,7 @@ from arm_drake.controllers.bases.base import (
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.gazebo.plugin import (
+    drive_topics,
     find_twist_fault,
     publish_period_ns,
     ros_topic,
@@ -97,6 +98,65 @@ def clamp(value: float, low: float, high: float) -> float:
 
 REST = (0.0, 0.0)
 
+
+class BasePluginState(TopicState, Protocol):
+    """State of a BasePlugin: a named tuple with these fields and its own."""
+
+    @property
+    def published(self) -> Odometry:
+        """Return what was published last."""
+
+
+B = TypeVar("B", bound=BasePluginState)
+
+
+class BasePlugin(TopicController[B]):
+    """Base of Gazebo's plugins that move a base as told, or tell where it is.
+
+    The last command holds for ever; there is no timeout.
+    """
+
+    # Whether velocities have a component to the left.
+    moves_sideways: ClassVar[bool] = False
+
+    def __init__(
+        self,
+        params: ControllerInterfaceParams,
+        initial: B,
+        *,
+        frames: tuple[str, str],
+        links: Sequence[str] = (),
+        **names: Any,
+    ) -> None:
+        """Create the system with the odometry's frames; it sees where `links` are."""
+        super().__init__(params, initial, **names)
+        self._frames = BaseFrames(*frames)
+        self._links = None
+        if links:
+            poses = AbstractValue.Make([RigidTransform()])
+            self._links = self.DeclareAbstractInputPort(interfaces.FRAMES_PORT, poses)
+            self._seen = [params.links.index(link) for link in links]
+
+    def _see(self, now: UpdateContext) -> list[RigidTransform]:
+        """Return where the links are; nothing if nobody tells it."""
+        if self._links is None or not self._links.HasValue(now.context):
+            return []
+        poses = self._links.Eval(now.context)
+        return [poses[index] for index in self._seen]
+
+    def _declare_odometry(self, odometry: str, tf: str) -> None:
+        """Declare the topics of the odometry, and the events."""
+        self._declare_topic(odometry, lambda state: state.published)
+        self._declare_topic(tf, lambda state: make_transform(state.published))
+        self._declare_events()
+
+    def _take_twist(self, state: B, message: Twist, time_ns: int) -> tuple[B, str]:
+        if fault := find_twist_fault(message, sideways=self.moves_sideways):
+            return state, fault
+        linear = (message.linear.x, message.linear.y)[: 1 + self.moves_sideways]
+        return state._replace(target=(*linear, message.angular.z)), ""
+
+
 _CERTAIN = diagonal((0.0,) * 6)
 
 
@@ -126,16 +186,12 @@ class GazeboDriveState(NamedTuple):
     inbox: Inbox = Inbox()
 
 
-class GazeboDrive(TopicController[GazeboDriveState]):
+class GazeboDrive(BasePlugin[GazeboDriveState]):
     """Base of Gazebo Sim's systems that turn wheels so that a base moves as told.
 
-    The last command holds for ever; there is no timeout. A subclass subscribes to its
-    topics, and says by `_find_command` and `_count` how the wheels are to turn and
-    where their turning has taken the base.
+    A subclass says by `_find_command` and `_count` how the joints of each group are to
+    turn, and where their turning has taken the base.
     """
-
-    # Whether velocities have a component to the left.
-    moves_sideways: ClassVar[bool] = False
 
     # Samples over which the published velocities are means.
     window: ClassVar[int] = 10
@@ -144,41 +200,46 @@ class GazeboDrive(TopicController[GazeboDriveState]):
         self,
         tag: WheelDrive,
         params: ControllerInterfaceParams,
+        groups: Sequence[Sequence[str]],
         *,
-        measured: Sequence[str],
-        commanded: Sequence[str],
+        only_steers: bool = False,
     ) -> None:
-        """Create the system; `measured` are joints whose positions are read."""
+        """Create the system; of each group of joints the first one's position is read.
+
+        One that only steers takes no velocities, and has no odometry.
+        """
         linear, angular = (find_limits(tag, kind) for kind in ("linear", "angular"))
         sideways = (linear,) if self.moves_sideways else ()
         self._limits = (linear, *sideways, angular)
         self._rest = (0.0,) * len(self._limits)
         self._period_ns = publish_period_ns(tag.odom_publish_frequency)
-        model = params.robot_name
-        self._frames = BaseFrames(
-            tag.frame_id or f"{model}/odom",
-            tag.child_frame_id or f"{model}/{tag.base_link}",
-        )
+        # A joint of several groups follows the last of them.
+        moved = {joint: at for at, joints in enumerate(groups) for joint in joints}
+        self._group = np.array(list(moved.values()), dtype=np.intp)
         odometry = WheelOdometryState(
             RollingMean(self.window),
             velocity=self._rest,
-            positions=(0.0,) * len(measured),
+            positions=(0.0,) * len(groups),
         )
+        model = params.robot_name
         super().__init__(
             params,
             GazeboDriveState(
-                odometry,
-                np.zeros(len(commanded)),
-                self._rest,
-                (self._rest, self._rest),
+                odometry, np.zeros(len(moved)), self._rest, (self._rest, self._rest)
             ),
-            state_interfaces=interfaces.interface_names(
-                measured, (interfaces.POSITION,)
+            frames=(
+                tag.frame_id or f"{model}/odom",
+                tag.child_frame_id or f"{model}/{tag.base_link}",
             ),
-            command_interfaces=interfaces.interface_names(
-                commanded, (interfaces.VELOCITY,)
-            ),
+            state_interfaces=tuple(f"{joints[0]}/position" for joints in groups),
+            command_interfaces=tuple(f"{joint}/velocity" for joint in moved),
         )
+        topics = drive_topics(tag, model)
+        if only_steers:
+            self._declare_events()
+        else:
+            self._subscribe(topics.command, Twist, self._take_twist)
+            self._declare_odometry(topics.odometry, topics.tf)
 
     @abstractmethod
     def _find_command(self, velocity: Velocity, measured: Array, dt: float) -> Array:
@@ -189,11 +250,6 @@ class GazeboDrive(TopicController[GazeboDriveState]):
         self, odometry: WheelOdometryState, measured: Array, dt: float
     ) -> WheelOdometryState:
         """Return the odometry after a tick; `dt` [s]."""
-
-    def _declare_odometry(self, odometry: str, tf: str) -> None:
-        """Declare the topics of the odometry."""
-        self._declare_topic(odometry, lambda state: state.published)
-        self._declare_topic(tf, lambda state: make_transform(state.published))
 
     def _update(self, now: UpdateContext, state: GazeboDriveState) -> GazeboDriveState:
         state = self._receive(now, state)
@@ -230,16 +286,6 @@ class GazeboDrive(TopicController[GazeboDriveState]):
             )
         )
         return velocity, last
-
-    def _take_twist(
-        self, state: GazeboDriveState, message: Twist, time_ns: int, obstacle: str
-    ) -> tuple[GazeboDriveState, str]:
-        sideways = self.moves_sideways
-        fault = obstacle or find_twist_fault(message, sideways=sideways)
-        if fault:
-            return state, fault
-        linear = (message.linear.x, message.linear.y)[: 1 + sideways]
-        return state._replace(target=(*linear, message.angular.z)), ""
 
     def _deactivate(
         self, now: UpdateContext, state: GazeboDriveState
@@ -280,54 +326,42 @@ def orientation_of(pose: RigidTransform) -> Quaternion:
 _UNKNOWN = 1e12
 
 
-class ClassicState(TopicState, Protocol):
-    """State of a ClassicController: a named tuple with these fields and its own."""
-
-    @property
-    def published(self) -> Odometry:
-        """Return what was published last."""
-
-
-C = TypeVar("C", bound=ClassicState)
-
-
-class ClassicController(TopicController[C]):
+class ClassicController(BasePlugin[B]):
     """Base of Gazebo Classic's plugins that move a base as they are told.
 
-    It reads where links are and takes velocities. A subclass declares what it publishes
-    by `_declare_odometry`.
+    A subclass declares what it publishes by `_declare_outputs`.
     """
 
     def __init__(
         self,
         tag: ClassicBase,
         params: ControllerInterfaceParams,
-        initial: C,
+        initial: B,
         *,
         sees_links: bool = True,
         **names: Any,
     ) -> None:
         """Create the system; `sees_links` is whether it reads where links are."""
-        super().__init__(params, initial, **names)
+        self._wheels = tag.wheel_links if isinstance(tag, ClassicDrive) else ()
+        links = (tag.base_link, *(child for _, child in self._wheels))
+        super().__init__(
+            params,
+            initial,
+            frames=(tag.odometry_frame, tag.robot_base_frame),
+            links=links if sees_links else (),
+            **names,
+        )
         self._tag = tag
-        self._frames = BaseFrames(tag.odometry_frame, tag.robot_base_frame)
         x, y, yaw = tag.covariance_x, tag.covariance_y, tag.covariance_yaw
         self._covariance = diagonal((x, y, _UNKNOWN, _UNKNOWN, _UNKNOWN, yaw))
         self._shows_wheels = isinstance(tag, ClassicDrive) and tag.publish_wheel_tf
-        self._wheels = tag.wheel_links if isinstance(tag, ClassicDrive) else ()
-        self._links = None
-        if sees_links:
-            poses = AbstractValue.Make([RigidTransform()])
-            self._links = self.DeclareAbstractInputPort(interfaces.FRAMES_PORT, poses)
-            links = (tag.base_link, *(child for _, child in self._wheels))
-            self._seen = [params.links.index(link) for link in links]
         self._subscribe(self._topic("cmd_vel"), Twist, self._take_twist)
 
     def _topic(self, name: str) -> str:
         """Return the full name of a topic."""
         return ros_topic(name, self._tag.namespace, self._tag.remappings)
 
-    def _declare_odometry(self, **others: Callable[[C], Any]) -> None:
+    def _declare_outputs(self, **others: Callable[[B], Any]) -> None:
         """Declare the topics of the odometry, others between them, and the events."""
         tag = self._tag
         if tag.publish_odom:
@@ -338,19 +372,12 @@ class ClassicController(TopicController[C]):
             self._declare_topic(self._topic("/tf"), self._describe_frames)
         self._declare_events()
 
-    def _describe_frames(self, state: C) -> TFMessage:
+    def _describe_frames(self, state: B) -> TFMessage:
         """Return the frames of wheels, and of the base if it is told there."""
         wheels: tuple[TransformStamped, ...] = getattr(state, "wheels", ())
         if not self._tag.publish_odom_tf:
             return TFMessage(wheels)
         return TFMessage((*wheels, *make_transform(state.published).transforms))
-
-    def _see(self, now: UpdateContext) -> list[RigidTransform]:
-        """Return where the base and wheels are; nothing if nobody tells it."""
-        if self._links is None or not self._links.HasValue(now.context):
-            return []
-        poses = self._links.Eval(now.context)
-        return [poses[index] for index in self._seen]
 
     def _describe_base(
         self, time_ns: int, last: RigidTransform, pose: RigidTransform, dt: float
@@ -383,11 +410,3 @@ class ClassicController(TopicController[C]):
             header = Header.from_nanoseconds(time_ns, parent)
             frames.append(TransformStamped(header, child, where))
         return tuple(frames)
-
-    def _take_twist(
-        self, state: C, message: Twist, time_ns: int, obstacle: str
-    ) -> tuple[C, str]:
-        fault = obstacle or find_twist_fault(message)
-        if fault:
-            return state, fault
-        return state._replace(target=(message.linear.x, message.angular.z)), ""

@@ -18,12 +18,10 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
-from arm_drake.controllers.cycles import Cycle
 from arm_drake.controllers.gazebo.plugin import imu_topic
 from arm_drake.description.gazebo_plugins import ImuSensorTag, Noise
 from arm_drake.messages import NANOSECONDS, Header, Quaternion, Vector3
 from arm_drake.messages.sensors import Imu
-from arm_drake.timing import cycle_at
 
 # Times of ticks are cut to whole nanoseconds; so much of a period they may be early.
 _EARLY = 1e-6
@@ -85,7 +83,6 @@ class ImuSensor(ControllerInterface):
     def __init__(self, tag: ImuSensorTag, params: ControllerInterfaceParams) -> None:
         """Create the system."""
         super().__init__(params)
-        self.message_types: dict[str, type[Imu]] = {}
         self._rate, self._has_orientation = tag.update_rate, tag.has_orientation
         default = f"{params.robot_name}/{tag.merged or tag.link}/{tag.name}"
         self._frame_id = tag.frame_id or (tag.link if tag.is_classic else default)
@@ -151,13 +148,6 @@ class ImuSensor(ControllerInterface):
         numbers = (ns / NANOSECONDS * self._rate + _EARLY for ns in (time_ns, last_ns))
         number, last = map(math.floor, numbers)
         return number > last
-
-    def _time_ns(self, context: Context) -> int:
-        """Return the time of the tick of this instant [ns]."""
-        if self._manager.HasValue(context):
-            cycle: Cycle = self._manager.Eval(context)
-            return cycle.time_ns
-        return self._tick_time(cycle_at(context.get_time(), self.params.period) or 0)
 
     def _calc_imu(self, context: Context, output: AbstractValue) -> None:
         time_ns = float(context.get_discrete_state(self._time).value()[0])

@@ -20,6 +20,7 @@ from arm_drake.controllers.gazebo.plugin import (
     GazeboPid,
     GazeboPidState,
     JointForces,
+    find_number_fault,
     position_topic,
     velocity_topic,
 )
@@ -99,9 +100,11 @@ class GazeboCommandBase(TopicController[JointCommandState]):
         # One topic may be that of several tags.
         for name in dict.fromkeys(topics):
             at = [k for k, topic in enumerate(topics) if topic == name]
-            self._subscribe(name, Float64, partial(self._take, name, at))
+            take = partial(self._take, at)
+            self._subscribe(name, Float64, take, label=f"{name}: ")
         if grips:
-            self._subscribe(GRIPPER_COMMAND, Float64, self._take_part)
+            label = f"{GRIPPER_COMMAND}: "
+            self._subscribe(GRIPPER_COMMAND, Float64, self._take_part, label=label)
             self.message_types[GRIPPER_COMMAND] = Float32
         self._declare_events()
 
@@ -130,7 +133,6 @@ class GazeboCommandBase(TopicController[JointCommandState]):
         self, last: UpdateResult[JointCommandState], time_ns: int
     ) -> "SteadyForces | None":
         """Return the forces that follow from targets that stay."""
-        del time_ns
         period_ns = self.whole_period_ns
         if self._moved_by.size or period_ns is None:
             return None
@@ -144,28 +146,24 @@ class GazeboCommandBase(TopicController[JointCommandState]):
 
     def _take(
         self,
-        name: str,
         tags: list[int],
         state: JointCommandState,
         message: Float64,
         time_ns: int,
-        obstacle: str,
     ) -> tuple[JointCommandState, str]:
         """Return the state with a target of tags."""
-        fault = obstacle or _find_fault(message)
-        if fault:
-            return state, f"{name}: {fault}"
+        if fault := find_number_fault(message):
+            return state, fault
         targets = state.targets.copy()
         targets[tags] = message.data
         return state._replace(targets=targets), ""
 
     def _take_part(
-        self, state: JointCommandState, message: Float64, time_ns: int, obstacle: str
+        self, state: JointCommandState, message: Float64, time_ns: int
     ) -> tuple[JointCommandState, str]:
         """Return the state with how far a gripper is to close."""
-        fault = obstacle or find_part_fault(message)
-        if fault:
-            return state, f"{GRIPPER_COMMAND}: {fault}"
+        if fault := find_part_fault(message):
+            return state, fault
         targets = state.targets.copy()
         targets[self._grips] = self._open + message.data * self._way
         return state._replace(targets=targets), ""
@@ -217,7 +215,6 @@ class SteadyForces(SilentTicks):
         self, time_ns: int, motions: Array, memory: list[float]
     ) -> list[float] | None:
         """Return the efforts of a tick; None where an error isn't finite."""
-        del time_ns
         dt, n, total = self._dt, len(self._tags), 0.0
         terms, errors, forces = [], [], []
         measured = motions[self._read_at].tolist()
@@ -258,7 +255,6 @@ class SteadyForces(SilentTicks):
         self, time_ns: int, motions: Array, memory: Sequence[float]
     ) -> JointCommandState:
         """Return the state that a tick leaves behind."""
-        del time_ns, motions
         n = len(self._tags)
         terms, errors, efforts = np.split(np.array(memory), [n, 2 * n])
         pid = GazeboPidState(terms, errors)
@@ -284,13 +280,6 @@ def _split(
         if by_force[k] and followed.get(joint, (joint,))[0] not in moved
     }
     return moved, pushed
-
-
-def _find_fault(message: Float64) -> str:
-    """Return why a message is dropped; empty if it isn't."""
-    if math.isfinite(message.data):
-        return ""
-    return f"data must be finite, got {message.data}; it is dropped"
 
 
 class JointController(GazeboCommandBase):

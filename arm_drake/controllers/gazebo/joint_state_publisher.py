@@ -16,16 +16,19 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterface,
     ControllerInterfaceParams,
 )
-from arm_drake.controllers.cycles import Cycle, last_cycle
-from arm_drake.controllers.gazebo.plugin import joint_state_topic, ros_topic
+from arm_drake.controllers.cycles import last_cycle
+from arm_drake.controllers.gazebo.plugin import (
+    is_early,
+    joint_state_topic,
+    ros_topic,
+)
 from arm_drake.description.gazebo_plugins import (
     GazeboRosJointStatePublisher as GazeboRosJointStatePublisherTag,
 )
 from arm_drake.description.gazebo_plugins import (
     JointStatePublisher as JointStatePublisherTag,
 )
-from arm_drake.messages import NANOSECONDS, Header, JointState
-from arm_drake.timing import cycle_at
+from arm_drake.messages import Header, JointState
 
 
 class JointStatePublisher(ControllerInterface):
@@ -68,7 +71,6 @@ class JointStatePublisher(ControllerInterface):
         )
         names = interfaces.interface_names(self._joints, interfaces.STATE_INTERFACES)
         super().__init__(params, state_interfaces=names)
-        self.message_types: dict[str, type[JointState]] = {}
         self.DeclareAbstractOutputPort(
             joint_state_topic(tag, params.robot_name, params.world_name),
             lambda: AbstractValue.Make(JointState()),
@@ -128,7 +130,6 @@ class GazeboRosJointStatePublisher(ControllerInterface):
         standard = (interfaces.POSITION, interfaces.VELOCITY)
         names = interfaces.interface_names(self._joints, standard)
         super().__init__(params, state_interfaces=names)
-        self.message_types: dict[str, type[JointState]] = {}
         # Drake takes a plain number quicker than its own kind of index. A time is a
         # whole number, exact up to 2^53 ns, which is 104 days.
         self._time = int(self.DeclareDiscreteState([math.nan]))
@@ -147,19 +148,10 @@ class GazeboRosJointStatePublisher(ControllerInterface):
             return
         time_ns = self._time_ns(context)
         last_ns = float(context.get_discrete_state(self._time).value()[0])
-        # Times of ticks are cut to whole nanoseconds. NaN compares as false.
-        elapsed_ns = time_ns - last_ns + 1.0
-        if self._rate > 0.0 and elapsed_ns * self._rate < NANOSECONDS:
+        if is_early(time_ns - last_ns, self._rate):
             return
         state.set_value(self._time, [time_ns])
         state.set_value(self._sample, self._read(context))
-
-    def _time_ns(self, context: Context) -> int:
-        """Return the time of the tick of this instant [ns]."""
-        if self._manager.HasValue(context):
-            cycle: Cycle = self._manager.Eval(context)
-            return cycle.time_ns
-        return self._tick_time(cycle_at(context.get_time(), self.params.period) or 0)
 
     def _calc_joint_states(self, context: Context, output: AbstractValue) -> None:
         time_ns = float(context.get_discrete_state(self._time).value()[0])

@@ -16,9 +16,7 @@ from arm_drake.control.odometry import (
 from arm_drake.controllers.bases.base import Velocity
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.gazebo.drive import GazeboDrive
-from arm_drake.controllers.gazebo.plugin import drive_topics
 from arm_drake.description.gazebo_plugins import MecanumDrive as MecanumDriveTag
-from arm_drake.messages import Twist
 
 
 class MecanumDrive(GazeboDrive):
@@ -61,26 +59,14 @@ class MecanumDrive(GazeboDrive):
         """Create the system."""
         reach = 0.5 * (tag.wheel_separation + tag.wheelbase)
         self._kinematics = MecanumKinematics(tag.wheel_radius, reach)
-        # Of a wheel at several corners, the last one is told.
-        corners = {
-            joint: corner
-            for corner, joints in enumerate(tag.corners)
-            for joint in joints
-        }
-        self._corner = np.array(list(corners.values()), dtype=np.intp)
-        first = [joints[0] for joints in tag.corners]
-        super().__init__(tag, params, measured=first, commanded=list(corners))
-        topics = drive_topics(tag, params.robot_name)
-        self._subscribe(topics.command, Twist, self._take_twist)
-        self._declare_odometry(topics.odometry, topics.tf)
-        self._declare_events()
+        super().__init__(tag, params, tag.corners)
 
     def _find_command(self, velocity: Velocity, measured: Array, dt: float) -> Array:
         front_left, front_right, back_right, back_left = self._kinematics.to_wheels(
             velocity
         )
         wheels = np.array([front_left, front_right, back_left, back_right])
-        return wheels[self._corner]
+        return wheels[self._group]
 
     def _count(
         self, odometry: WheelOdometryState, measured: Array, dt: float

@@ -6,21 +6,19 @@ Source: gz-sim, src/systems/odometry_publisher/OdometryPublisher.cc.
 from typing import NamedTuple
 
 import numpy as np
-from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from arm_drake import interfaces
 from arm_drake.arrays import Array
-from arm_drake.controllers.bases.base import make_transform
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.gazebo.drive import (
+    BasePlugin,
     along_heading,
     find_velocity,
     orientation_of,
 )
 from arm_drake.controllers.gazebo.plugin import as_topic, publish_period_ns
-from arm_drake.controllers.topics import Inbox, TopicController
+from arm_drake.controllers.topics import Inbox
 from arm_drake.description.gazebo_plugins import (
     OdometryPublisher as OdometryPublisherTag,
 )
@@ -53,7 +51,7 @@ class OdometryPublisherState(NamedTuple):
     inbox: Inbox = Inbox()
 
 
-class OdometryPublisher(TopicController[OdometryPublisherState]):
+class OdometryPublisher(BasePlugin[OdometryPublisherState]):
     """Publishes the pose of the robot's root link in the world, and its velocity.
 
     With J joints:
@@ -89,26 +87,20 @@ class OdometryPublisher(TopicController[OdometryPublisherState]):
         self._is_flat = tag.dimensions == 2
         xyz, rpy = (v or (0.0,) * 3 for v in (tag.xyz_offset, tag.rpy_offset))
         self._X_LF = RigidTransform(RollPitchYaw(list(rpy)), list(xyz))
-        self._frames = (
-            tag.odom_frame or f"{model}/odom",
-            tag.robot_base_frame or f"{model}/base_footprint",
-        )
         super().__init__(
             params,
             OdometryPublisherState(np.zeros(0)),
-            state_interfaces=(),
-            command_interfaces=(),
+            frames=(
+                tag.odom_frame or f"{model}/odom",
+                tag.robot_base_frame or f"{model}/base_footprint",
+            ),
+            links=(tag.base_link,),
         )
-        poses = AbstractValue.Make([RigidTransform()])
-        self._links = self.DeclareAbstractInputPort(interfaces.FRAMES_PORT, poses)
-        self._link = params.links.index(tag.base_link)
         odom, tf = (
             as_topic(name or f"model/{model}/{end}")
             for name, end in ((tag.odom_topic, "odometry"), (tag.tf_topic, "pose"))
         )
-        self._declare_topic(odom, lambda state: state.published)
-        self._declare_topic(tf, lambda state: make_transform(state.published))
-        self._declare_events()
+        self._declare_odometry(odom, tf)
 
     def _activate(
         self, now: UpdateContext, state: OdometryPublisherState
@@ -119,9 +111,9 @@ class OdometryPublisher(TopicController[OdometryPublisherState]):
     def _update(
         self, now: UpdateContext, state: OdometryPublisherState
     ) -> OdometryPublisherState:
-        if not self._links.HasValue(now.context):
+        if not (poses := self._see(now)):
             return state
-        pose = self._links.Eval(now.context)[self._link] @ self._X_LF
+        pose = poses[0] @ self._X_LF
         last, state = state.pose, state._replace(pose=pose)
         elapsed_ns = now.time_ns - state.published_ns
         # Times of ticks are cut to whole nanoseconds.
@@ -147,10 +139,9 @@ class OdometryPublisher(TopicController[OdometryPublisherState]):
         """Return the message of a tick."""
         x, y, z = pose.translation().tolist()
         at = Point(x, y, 0.0 if self._is_flat else z)
-        odom, base = self._frames
         return Odometry(
-            Header.from_nanoseconds(time_ns, odom),
-            base,
+            Header.from_nanoseconds(time_ns, self._frames.odom),
+            self._frames.base,
             PoseWithCovariance(Pose(at, orientation_of(pose))),
             TwistWithCovariance(twist),
         )

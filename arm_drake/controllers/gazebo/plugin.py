@@ -22,20 +22,19 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from arm_drake.arrays import Array, clamp
+from arm_drake.arrays import Array, Indices, Mask, clamp
 from arm_drake.description.gazebo_plugins import (
     AckermannSteering,
     ApplyJointForce,
+    ClassicBase,
     ContactSensorTag,
-    GazeboRosAckermannDrive,
     GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
-    GazeboRosPlanarMove,
     ImuSensorTag,
     JointController,
+    JointPlugin,
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
@@ -44,9 +43,7 @@ from arm_drake.description.gazebo_plugins import (
     WheelDrive,
 )
 from arm_drake.importing import dataclass
-from arm_drake.messages import NANOSECONDS, Message, Twist
-
-Mask = NDArray[np.bool_]
+from arm_drake.messages import NANOSECONDS, Float64, Message, Twist
 
 
 class GazeboPidState(NamedTuple):
@@ -175,9 +172,6 @@ def _limits(high: Sequence[float], low: Sequence[float]) -> tuple[Array, Array]:
     )
 
 
-Indices = NDArray[np.intp]
-
-
 @dataclass(frozen=True, eq=False)
 class JointForces(Message):
     """Where n forces act; made by `from_joints`."""
@@ -231,30 +225,9 @@ class JointForces(Message):
         return np.bincount(self._joint, weights, minlength=k).astype(float)
 
 
-GazeboTag = (
-    JointPositionController
-    | JointController
-    | ApplyJointForce
-    | JointTrajectoryController
-    | JointStatePublisher
-    | WheelDrive
-    | OdometryPublisher
-    | VelocityControl
-    | ImuSensorTag
-    | GazeboRosJointPoseTrajectory
-    | GazeboRosJointStatePublisher
-    | GazeboRosDiffDrive
-    | GazeboRosPlanarMove
-    | GazeboRosAckermannDrive
-)
+GazeboTag = JointPlugin | ImuSensorTag
 
-_Classic = (
-    GazeboRosJointPoseTrajectory
-    | GazeboRosJointStatePublisher
-    | GazeboRosDiffDrive
-    | GazeboRosPlanarMove
-    | GazeboRosAckermannDrive
-)
+_Classic = ClassicBase | GazeboRosJointPoseTrajectory | GazeboRosJointStatePublisher
 _OneJoint = JointPositionController | JointController
 
 # What a topic of Gazebo Sim can't have in its name.
@@ -363,6 +336,13 @@ def with_node(remappings: Sequence[str], namespace: str, node: str) -> list[str]
     return [rule.replace(":=~", f":={name}", 1) for rule in rules]
 
 
+def find_number_fault(message: Float64) -> str:
+    """Return why a number is dropped; empty if it isn't."""
+    if math.isfinite(message.data):
+        return ""
+    return f"data must be finite, got {message.data}; it is dropped"
+
+
 def find_twist_fault(message: Twist, *, sideways: bool = False) -> str:
     """Return why a base doesn't take a velocity; empty if it does."""
     numbers = [message.linear.x, message.angular.z]
@@ -434,6 +414,12 @@ _LONGEST_NS = 2**62
 def publish_period_ns(rate: float) -> int:
     """Return the time between messages at a rate [Hz]; 0 for each tick."""
     return int(min(NANOSECONDS / rate, _LONGEST_NS)) if rate > 0.0 else 0
+
+
+def is_early(elapsed_ns: float, rate: float) -> bool:
+    """Return whether less than 1 / rate [Hz] has passed; a rate of 0 is every tick."""
+    # Times of ticks are cut to whole nanoseconds. NaN compares as false.
+    return rate > 0.0 and (elapsed_ns + 1) * rate < NANOSECONDS
 
 
 def as_topic(name: str) -> str:

@@ -104,10 +104,8 @@ class VelocityControl(TopicController[VelocityControlState]):
         return state._replace(held=state.target)
 
     def _take_twist(
-        self, state: VelocityControlState, message: Twist, time_ns: int, obstacle: str
+        self, state: VelocityControlState, message: Twist, time_ns: int
     ) -> tuple[VelocityControlState, str]:
-        if obstacle:
-            return state, obstacle
         linear, angular = ((v.x, v.y, v.z) for v in (message.linear, message.angular))
         if not all(map(math.isfinite, (*linear, *angular))):
             return state, "all numbers must be finite; the message is dropped"
@@ -177,8 +175,7 @@ class GazeboRosPlanarMove(ClassicController[PlanarMoveState]):
     tick. A message with a number that isn't finite is dropped, which Gazebo takes.
     """
 
-    # Whether velocities have a component to the left.
-    moves_sideways: ClassVar[bool] = True
+    moves_sideways = True
 
     def __init__(
         self, tag: GazeboRosPlanarMoveTag, params: ControllerInterfaceParams
@@ -188,7 +185,7 @@ class GazeboRosPlanarMove(ClassicController[PlanarMoveState]):
         self._publish_ns = publish_period_ns(tag.publish_rate)
         super().__init__(tag, params, PlanarMoveState(np.zeros(0)))
         self._declare_topic(interfaces.TWIST_PORT, lambda state: state.held)
-        self._declare_odometry()
+        self._declare_outputs()
 
     def _update(self, now: UpdateContext, state: PlanarMoveState) -> PlanarMoveState:
         state = self._receive(now, state)
@@ -211,10 +208,9 @@ class GazeboRosPlanarMove(ClassicController[PlanarMoveState]):
         return state._replace(published=message, published_ns=now.time_ns)
 
     def _take_twist(
-        self, state: PlanarMoveState, message: Twist, time_ns: int, obstacle: str
+        self, state: PlanarMoveState, message: Twist, time_ns: int
     ) -> tuple[PlanarMoveState, str]:
-        fault = obstacle or find_twist_fault(message, sideways=True)
-        if fault:
+        if fault := find_twist_fault(message, sideways=True):
             return state, fault
         linear = (message.linear.x, message.linear.y, 0.0)
         target = HeldTwist(linear, (0.0, 0.0, message.angular.z), is_level=True)

@@ -74,10 +74,10 @@ from arm_drake.controllers.joint_trajectory.state import (
     errors_of,
     make_command,
     make_controller_state,
-    make_query_response,
     present_commands,
     take_snapshot,
 )
+from arm_drake.controllers.joint_trajectory.state import make_query_response as query
 from arm_drake.controllers.topics import new_messages, new_parameters
 from arm_drake.messages import (
     NANOSECONDS,
@@ -218,11 +218,7 @@ def _command(
     return _Commands(ahead, inputs.time_ns, command, output, pid)
 
 
-__all__ = ["make_controller_state", "receive"]
-
 _DEACTIVATED_TEXT = "Current goal cancelled during deactivate transition."
-
-query = make_query_response
 
 
 def activate(
@@ -661,11 +657,7 @@ class JointTrajectoryController(
     def _update(
         self, now: UpdateContext, state: JointTrajectoryControllerSystemState
     ) -> JointTrajectoryControllerSystemState:
-        if now.is_quiet:
-            inbox, last = state
-            inputs = self._sense(now)
-        else:
-            inbox, inputs, last = self._receive(now, state)
+        inbox, inputs, last = self._receive(now, state)
         new = tick(inbox.rules, last, inputs)
         return JointTrajectoryControllerSystemState(inbox, new)
 

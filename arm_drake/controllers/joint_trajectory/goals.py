@@ -37,6 +37,7 @@ from arm_drake.control.trajectory import (
 )
 from arm_drake.controllers.cycles import with_field
 from arm_drake.controllers.joint_trajectory.state import (
+    EPSILON,
     Deceleration,
     JointTrajectoryRules,
     JointTrajectoryState,
@@ -132,10 +133,6 @@ def fill_cubic_spline_velocities(times: Array, positions: Array) -> Array | None
     for i in reversed(range(len(diagonal))):
         velocities[i + 1] = (right[i] - velocities[i + 2] / h[i + 1]) / diagonal[i]
     return velocities
-
-
-# A velocity below this counts as zero: epsilon of a 32-bit float.
-_EPSILON = float(np.finfo(np.float32).eps)
 
 
 def make_hold_point(rules: JointTrajectoryRules) -> JointTrajectoryPoint:
@@ -245,7 +242,7 @@ def _brake(
     sign = np.where(velocity >= 0.0, 1.0, -1.0)
     end = position + sign * velocity**2 / (2.0 * a)
     t = (np.arange(num_points) * dt)[:, None]
-    moves = (t < duration) & (np.abs(velocity) > _EPSILON)
+    moves = (t < duration) & (np.abs(velocity) > EPSILON)
     v = velocity - sign * a * t
     v = np.where(moves, sign * np.maximum(sign * v, 0.0), 0.0)
     q = np.where(moves, position + velocity * t - sign * a * t**2 / 2.0, end)

@@ -7,13 +7,14 @@ jazzy, and by rule those of other distros).
 import dataclasses as dc
 import math
 from collections.abc import Mapping
+from operator import attrgetter
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
-from arm_drake.arrays import Array
+from arm_drake.arrays import Array, Mask
 from arm_drake.control.pid import Pid, PidGains, adapt_saturation
-from arm_drake.control.tolerances import Mask, make_default_tolerances
+from arm_drake.control.tolerances import make_default_tolerances
 from arm_drake.controllers.joint_trajectory.goals import min_stop_points
 from arm_drake.controllers.joint_trajectory.state import (
     Deceleration,
@@ -84,7 +85,6 @@ class JointConstraints:
     max_deceleration_on_cancel: Annotated[float, Rule(since="jazzy")] = 0.0
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_at_least(self, 0.0, "max_deceleration_on_cancel")
 
 
@@ -104,7 +104,6 @@ class Constraints:
     joint: dict[str, JointConstraints] = per_element_of("joints")
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_at_least(self, 0.0, "goal_time")
 
 
@@ -152,7 +151,6 @@ class SpeedScaling:
     command_interface: str = ""
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_at_least(self, 0.0, "initial_scaling_factor")
 
 
@@ -166,7 +164,6 @@ class PositionsUpsampling:
     policy_frequency: float = 0.0
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         check_at_least(self, 0.0, "policy_frequency")
 
 
@@ -275,7 +272,6 @@ class JointTrajectoryControllerParameters:
                 params.reject("command_joints", what)
 
     def __post_init__(self) -> None:
-        """Reject what the types alone can't express."""
         names = ("joints", "command_interfaces", "state_interfaces")
         check_not_empty(self, *names)
         check_unique(self, *names, "command_joints")
@@ -500,7 +496,7 @@ def check_change(
     """Return parameters that may take the place of others while a controller runs."""
     if not isinstance(new, JointTrajectoryControllerParameters):
         raise ValueError(f"expected JointTrajectoryControllerParameters, got {new!r}")
-    changed = [name for name in _READ_ONLY if _get(new, name) != _get(old, name)]
+    changed = [n for n in _READ_ONLY if attrgetter(n)(new) != attrgetter(n)(old)]
     for joint in old.joints:
         was, is_ = (_decelerations(p).get(joint, 0.0) for p in (old, new))
         if was != is_:
@@ -513,13 +509,6 @@ def check_change(
 def _decelerations(parameters: JointTrajectoryControllerParameters) -> dict[str, float]:
     by_joint = parameters.constraints.joint.items()
     return {joint: c.max_deceleration_on_cancel for joint, c in by_joint}
-
-
-def _get(parameters: object, name: str) -> object:
-    """Return a parameter by its dotted name."""
-    for part in name.split("."):
-        parameters = getattr(parameters, part)
-    return parameters
 
 
 class Inbox(NamedTuple):

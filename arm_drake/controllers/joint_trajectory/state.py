@@ -15,14 +15,14 @@ import functools
 import math
 from collections import Counter
 from collections.abc import Callable, Collection
-from typing import NamedTuple, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 
-from arm_drake.arrays import Array
+from arm_drake.arrays import Array, Mask
 from arm_drake.control.action_goals import ActiveGoal
 from arm_drake.control.pid import Pid, PidState
-from arm_drake.control.tolerances import Mask, Tolerances
+from arm_drake.control.tolerances import Tolerances
 from arm_drake.control.trajectory import Interpolation, Sample, StateBefore, Trajectory
 from arm_drake.controllers.topics import Event
 from arm_drake.errors import suggest
@@ -45,7 +45,7 @@ from arm_drake.messages import (
 from arm_drake.messages.base import append_events, make_lazy
 
 # A velocity below this counts as zero: epsilon of a 32-bit float.
-_EPSILON = 1.1920929e-7
+EPSILON: Final = float(np.finfo(np.float32).eps)
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def _fault_in_end(
 ) -> str | None:
     last = message.points[-1]
     if not rules.allow_nonzero_velocity_at_trajectory_end and any(
-        abs(velocity) > _EPSILON for velocity in last.velocities
+        abs(velocity) > EPSILON for velocity in last.velocities
     ):
         return (
             f"the last point has velocities {list(last.velocities)}; they must be 0, "

@@ -15,6 +15,7 @@ import logging
 import math
 import re
 import warnings
+import xml.etree.ElementTree as ET
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path, PureWindowsPath
@@ -33,6 +34,7 @@ from arm_drake.description.meshes.surfaces import (
     transformed,
 )
 from arm_drake.description.report import ReportEntry
+from arm_drake.errors import quoted
 
 # Nodes can be used in nodes that are used in nodes.
 _MAX_NODES = 20_000
@@ -58,6 +60,12 @@ def read_collada(
     if zipfile.is_zipfile(io.BytesIO(content)):
         raise ValueError("it is a ZIP archive")
     document = collada.Collada(io.BytesIO(content), ignore=[collada.DaeError])
+    root = ET.fromstring(content) if document.errors else None  # noqa: S314  checked.
+    if root is not None and (lost := _drop_materials(root, document)):
+        what = f"its materials {quoted(lost)} can't be read ({document.errors[0]})"
+        notes.append(ReportEntry("warning", "invalid", what, "drawn without them"))
+        rest = io.BytesIO(ET.tostring(root))
+        document = collada.Collada(rest, ignore=[collada.DaeError])
     if document.scene is None:
         reason = document.errors[0] if document.errors else "it has no <scene>"
         raise ValueError(str(reason))
@@ -92,6 +100,28 @@ def read_collada(
     more = f", and {len(others)} more" if others else ""
     what = f"a part of it can't be read ({first}{more})"
     notes.append(ReportEntry("warning", "invalid", what, "left out"))
+
+
+def _drop_materials(root: ET.Element, document: Any) -> list[str]:
+    """Remove what refers to materials that couldn't be read; return their names.
+
+    RViz and Gazebo draw the shape without such a material, pycollada leaves it out.
+    """
+    read = {
+        "effect": {effect.id for effect in document.effects},
+        "material": {material.id for material in document.materials},
+    }
+    lost: dict[str, None] = {}
+    for parent in list(root.iter()):
+        for child in list(parent):
+            kind = child.tag.rpartition("}")[2]
+            target = child.get("target", "").removeprefix("#")
+            if kind == "instance_material" and target not in read["material"]:
+                lost[target] = None
+                parent.remove(child)
+            elif kind in read and child.get("id") not in read[kind]:
+                parent.remove(child)
+    return list(lost)
 
 
 def _check_prolog(content: bytes) -> None:

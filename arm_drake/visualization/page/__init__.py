@@ -1,8 +1,8 @@
 """A page in the browser: Meshcat's scene, and a panel of controls beside it."""
 
 from arm_drake.visualization.page.page import Page as Page
-from arm_drake.visualization.page.scene import Event as Event
 from arm_drake.visualization.page.scene import Scene as Scene
+from arm_drake.visualization.page.scene import WidgetEvent as WidgetEvent
 from arm_drake.visualization.page.widgets import Button as Button
 from arm_drake.visualization.page.widgets import Buttons as Buttons
 from arm_drake.visualization.page.widgets import Choice as Choice

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydrake.systems.framework import Diagram
 
-from arm_drake.errors import ArmDrakeError, InputError, SimulationError
+from arm_drake.errors import InputError
 from arm_drake.messages import CancelResponse, GoalStatus, SwitchControllerResult
 from arm_drake.scene import Scene
 from arm_drake.simulation.continuation import continue_with
@@ -26,16 +26,23 @@ from arm_drake.visualization.page import (
     Button,
     Buttons,
     Choice,
-    Event,
     Item,
     Page,
     Section,
     Slider,
     Text,
+    WidgetEvent,
 )
 from arm_drake.visualization.page.live_views import LiveViews, Pictures
 from arm_drake.visualization.page.motion_planning import MotionPlanning, SimulatedRobots
-from arm_drake.visualization.page.panel import make_report
+from arm_drake.visualization.page.panel import (
+    AS_FAST_AS_POSSIBLE,
+    make_report,
+    rate_options,
+    rate_text,
+    read_rate,
+    read_time,
+)
 from arm_drake.visualization.page.parts import PARTS, Part, make_parts
 from arm_drake.visualization.recording import start_recording
 from arm_drake.visualization.teleop.base import Remote
@@ -133,11 +140,6 @@ _EXCHANGE_PERIOD = 0.01
 # Velocities of bases are sent anew after so much simulated time [s].
 _REPEAT_PERIOD = 0.1
 
-# Choices of the real-time rate.
-_RATES = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0)
-AS_FAST_AS_POSSIBLE = "as fast as it goes"
-_TIMES = " ×"
-
 _NUM_LINES = 50
 
 Progress = Callable[[float], None]
@@ -153,6 +155,9 @@ class LiveSimulation:
 
     # Whether `run` returns when the motion's tasks are done.
     ends = False
+
+    # For programs outside: its page goes on while it is paused, and it can be reset.
+    is_waiting, can_reset = False, True
 
     def __init__(
         self,
@@ -236,7 +241,7 @@ class LiveSimulation:
         # Not at the top: nothing of it is needed else.
         from arm_drake.wire.server import RosServer
 
-        return RosServer(self.simulation, ros, controls=LiveControls(self)).start()
+        return RosServer(self.simulation, ros, controls=self).start()
 
     @property
     def is_playing(self) -> bool:
@@ -503,7 +508,7 @@ class LiveSimulation:
         self._is_stopped = True
         self.page.call(lambda: None)  # It may wait for a click.
 
-    def handle(self, events: Iterable[Event]) -> None:
+    def handle(self, events: Iterable[WidgetEvent]) -> None:
         """Do what was clicked.
 
         Args:
@@ -511,7 +516,7 @@ class LiveSimulation:
         """
         waiting = list(events)
         while waiting:  # Of clicks during the search for a plan there may be more.
-            do_events(self.page, waiting, lambda event: self._do(event.id, event.value))
+            self.page.handle(waiting, lambda event: self._do(event.id, event.value))
             waiting = self.planning.waiting_events()
 
     def _do(self, name: str, value: Any) -> None:
@@ -521,11 +526,7 @@ class LiveSimulation:
         elif kind in ("replay", "end", "save_scene"):
             getattr(self, kind)()
         elif kind == "seek":
-            try:
-                self.seek(float(value))
-            except (TypeError, ValueError, OverflowError):
-                problem = f"time: expected a number [s], got {value!r}"
-                raise InputError(problem) from None
+            self.seek(read_time(value))
         elif kind in ("step", "reset", "frame"):
             getattr(self.views if kind == "frame" else self, kind)()
         elif kind == "rate":
@@ -604,26 +605,6 @@ class LiveSimulation:
             progress(self.simulation.time)
 
 
-class LiveControls:
-    """Pauses and plays a simulation on a page for programs outside."""
-
-    # Its page goes on while it is paused.
-    is_waiting = False
-    can_reset = True
-
-    def __init__(self, live: LiveSimulation) -> None:
-        """Create it."""
-        self._live = live
-
-    def pause(self) -> None:
-        """Let time stand."""
-        self._live.pause()
-
-    def play(self) -> None:
-        """Let time pass."""
-        self._live.play()
-
-
 class LogLines:
     """The last news, as lines."""
 
@@ -665,28 +646,10 @@ class LogLines:
         return "\n".join(reversed(self._lines))
 
 
-def do_events(page: Page, events: Iterable[Event], do: Callable[[Event], None]) -> None:
-    """Do what was clicked, and say on the page what can't be done.
-
-    It raises SimulationError if a simulation can't go on.
-    """
-    problems = []
-    for event in (happened := list(events)):
-        try:
-            do(event)
-        except SimulationError:
-            raise
-        except ArmDrakeError as error:
-            problems.append(str(error))
-    if happened:
-        page.say("\n".join(problems), "error")
-
-
 def make_sections(live: LiveSimulation) -> list[Section]:
     """Return the panel of a simulation."""
     simulation = live.simulation
-    now = live.realtime_rate
-    rate = Choice("rate", "real-time rate", _rate_options(now), _rate_text(now))
+    rate = Choice("rate", "real-time rate", **_rate(live.realtime_rate))
     buttons = Buttons(
         (
             Button("play", "pause", "play or pause (space)", key=" "),
@@ -731,10 +694,7 @@ def make_changes(live: LiveSimulation) -> dict[str, dict[str, Any]]:
     simulation = live.simulation
     changes: dict[str, dict[str, Any]] = {
         "play": {"label": "pause" if live.is_playing else "play"},
-        "rate": {
-            "value": _rate_text(live.realtime_rate),
-            "options": _rate_options(live.realtime_rate),
-        },
+        "rate": _rate(live.realtime_rate),
         "seek": {
             "value": live.shown_time,
             "lower": live.first_time,
@@ -763,27 +723,14 @@ def make_changes(live: LiveSimulation) -> dict[str, dict[str, Any]]:
     return changes
 
 
-def read_rate(text: object) -> float:
-    """Return the real-time rate of a choice; 0 is as fast as it goes."""
-    if text == AS_FAST_AS_POSSIBLE:
-        return 0.0
-    try:
-        return float(str(text).removesuffix(_TIMES))
-    except ValueError:
-        raise InputError(f"real-time rate: expected a number, got {text!r}") from None
-
-
 def _class_name(type_: str) -> str:
     return re.split(r"/|::", type_)[-1]
 
 
-def _rate_options(now: float) -> tuple[str, ...]:
-    rates = sorted({*_RATES, now} - {0.0})
-    return (*map(_rate_text, rates), AS_FAST_AS_POSSIBLE)
-
-
-def _rate_text(rate: float) -> str:
-    return f"{rate:g}{_TIMES}" if rate else AS_FAST_AS_POSSIBLE
+def _rate(now: float) -> dict[str, Any]:
+    """Return the fields of the choice of the real-time rate."""
+    options = (*rate_options(now), AS_FAST_AS_POSSIBLE)
+    return {"options": options, "value": rate_text(now)}
 
 
 def _describe_switch(result: SwitchControllerResult) -> str:

@@ -15,7 +15,7 @@ import queue
 import socket
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote, urlsplit
@@ -27,8 +27,8 @@ from tornado.tcpclient import TCPClient
 from tornado.web import Application, HTTPError, RequestHandler, StaticFileHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from arm_drake.errors import InputError
-from arm_drake.visualization.page.scene import Event, Scene, meshcat_address
+from arm_drake.errors import ArmDrakeError, InputError, SimulationError
+from arm_drake.visualization.page.scene import Scene, WidgetEvent, meshcat_address
 from arm_drake.visualization.page.widgets import Section
 
 # A browser that takes nothing for so long is left; when it wakes up it connects again
@@ -459,13 +459,13 @@ class EventQueue:
     def __init__(self) -> None:
         """Create an empty one."""
         self._lock = threading.Lock()
-        self._events: list[Event] = []
+        self._events: list[WidgetEvent] = []
 
     def __len__(self) -> int:
         """Return how many there are."""
         return len(self._events)
 
-    def put(self, event: Event) -> bool:
+    def put(self, event: WidgetEvent) -> bool:
         """Add an event; return whether there was none before."""
         with self._lock:
             was_empty = not self._events
@@ -480,7 +480,7 @@ class EventQueue:
                 self._events.append(event)
             return was_empty
 
-    def take(self) -> list[Event]:
+    def take(self) -> list[WidgetEvent]:
         """Return all events in order, and forget them."""
         with self._lock:
             events, self._events = self._events, []
@@ -620,14 +620,14 @@ class Page(Scene):
         """
         self._calls.put(function)
 
-    def events(self, timeout: float) -> list[Event]:
+    def events(self, timeout: float) -> list[WidgetEvent]:
         """Return what happened in browsers, in order; do what threads asked for.
 
         Args:
             timeout: How long to wait for the first [s].
         """
         deadline = time.monotonic() + timeout
-        found: list[Event] = []
+        found: list[WidgetEvent] = []
         was_called = False
         with contextlib.suppress(queue.Empty):
             while not (found or was_called):
@@ -647,8 +647,31 @@ class Page(Scene):
             self._fields.get(event.id, {}).pop("value", None)
         return found
 
+    def handle(
+        self, events: Iterable[WidgetEvent], act: Callable[[WidgetEvent], None]
+    ) -> None:
+        """Do what was clicked, and say what can't be done.
+
+        Args:
+            events: What happened, in order.
+            act: Does what one of them stands for.
+
+        Raises:
+            SimulationError: If a simulation can't go on.
+        """
+        problems = []
+        for event in (happened := list(events)):
+            try:
+                act(event)
+            except SimulationError:
+                raise
+            except ArmDrakeError as error:
+                problems.append(str(error))
+        if happened:
+            self.say("\n".join(problems), "error")
+
     def _take_event(self, name: str, value: Any) -> None:
-        if self._events.put(Event(name, value)):
+        if self._events.put(WidgetEvent(name, value)):
             self._calls.put(None)
 
     def close(self) -> None:

@@ -23,13 +23,18 @@ from arm_drake.visualization.page import (
     Button,
     Buttons,
     Choice,
-    Event,
     Page,
     Section,
     Slider,
     Text,
+    WidgetEvent,
 )
-from arm_drake.visualization.page.live_simulation import do_events, read_rate
+from arm_drake.visualization.page.panel import (
+    rate_options,
+    rate_text,
+    read_rate,
+    read_time,
+)
 from arm_drake.visualization.page.robot_viewer import RobotScene
 
 # What a description has for its controllers, which don't run here.
@@ -144,8 +149,6 @@ def _aligned(poses: Array, before: int, after: int) -> Array:
 
 _FRAME_PERIOD = 1.0 / 30.0
 
-_RATES = ("0.1 ×", "0.25 ×", "0.5 ×", "1 ×", "2 ×", "5 ×", "10 ×")
-
 
 class ReplayPage:
     """Plays a replay by the wall clock.
@@ -209,11 +212,11 @@ class ReplayPage:
         self._is_stopped = True
         self.page.call(lambda: None)  # It may wait for a click.
 
-    def handle(self, events: Iterable[Event]) -> None:
+    def handle(self, events: Iterable[WidgetEvent]) -> None:
         """Do what was clicked, in order."""
-        do_events(self.page, events, self._do)
+        self.page.handle(events, self._do)
 
-    def _do(self, event: Event) -> None:
+    def _do(self, event: WidgetEvent) -> None:
         if event.id == "play":
             self.pause() if self.is_playing else self.play()
         elif event.id == "restart":
@@ -223,16 +226,11 @@ class ReplayPage:
         elif event.id == "rate":
             self.set_rate(read_rate(event.value))
         elif event.id == "time":
-            try:
-                self.seek(float(event.value))
-            except (TypeError, ValueError, OverflowError):
-                problem = f"time: expected a number [s], got {event.value!r}"
-                raise InputError(problem) from None
+            self.seek(read_time(event.value))
 
     def _sections(self) -> list[Section]:
         replay, rollout = self.replay, self.replay.rollout
-        now = f"{self._rate:g} ×"
-        rates = _RATES if now in _RATES else (*_RATES, now)
+        rates, now = rate_options(self._rate), rate_text(self._rate)
         buttons = (
             Button("play", "pause", "play or pause (space)", key=" "),
             Button("restart", "restart", "back to the start"),

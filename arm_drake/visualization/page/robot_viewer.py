@@ -38,7 +38,7 @@ from arm_drake.visualization.meshcat import (
     set_ground_visible,
     show_ground,
 )
-from arm_drake.visualization.page import Event, Scene
+from arm_drake.visualization.page import Scene, WidgetEvent
 from arm_drake.visualization.page.motion_planning import MotionPlanning, ViewedRobot
 from arm_drake.visualization.page.panel import (
     LinkReadout,
@@ -349,7 +349,7 @@ class RobotViewer:
         self._tell("\n".join(["loaded again", *report_changes]))
         return True
 
-    def handle(self, events: Iterable[Event]) -> None:
+    def handle(self, events: Iterable[WidgetEvent]) -> None:
         """Do what was clicked.
 
         Args:
@@ -442,7 +442,7 @@ class RobotViewer:
         return {r.name: positions[r.name] for r in self._ranges if r.follows is None}
 
 
-def handle_events(viewer: RobotViewer, events: Iterable[Event]) -> Iterator[str]:
+def handle_events(viewer: RobotViewer, events: Iterable[WidgetEvent]) -> Iterator[str]:
     """Do what was clicked."""
     moved: dict[str, Any] = {}
     for event in events:

@@ -98,7 +98,7 @@ def give_back(meshcat: Meshcat) -> None:
 
 
 @dataclass(frozen=True)
-class Event:
+class WidgetEvent:
     """What somebody did in a browser."""
 
     # The widget's name.
@@ -152,7 +152,7 @@ class Scene:
     def call(self, function: Callable[[], None]) -> None:
         """Have something done by the thread of the page, if there is one."""
 
-    def events(self, timeout: float) -> list[Event]:
+    def events(self, timeout: float) -> list[WidgetEvent]:
         """Return what happened in browsers; wait so long for the first [s]."""
         time.sleep(timeout)
         return []

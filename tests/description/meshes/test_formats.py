@@ -461,10 +461,6 @@ BROKEN = {
         b'instance_geometry url="#g"', b'instance_geometry url="#gone"',
         "DaeBrokenRefError: Geometry #gone not found in library",
     ),
-    "no material": (
-        b'target="#m0"', b'target="#gone"',
-        "DaeBrokenRefError: Material #gone not found",
-    ),
     "unit 0": (b"<asset>", b'<asset><unit meter="0"/>', "its <unit> is 0.0 m"),
     "an index too large": (
         b"<p>0 0", b"<p>8 0",
@@ -490,13 +486,42 @@ def test_collada_that_cannot_be_read_is_a_warning_and_no_geometry(
 
 def test_a_broken_part_of_a_collada_file_is_reported_and_the_rest_drawn(converter):
     text = dae(nodes=[("", "1 0 0 1"), ("", "0 1 0 1")])
-    text = text.replace(b'target="#m1"', b'target="#gone"')
-    source = converter.write("a.dae", text)
+    before, _, after = text.rpartition(b'url="#g"')
+    source = converter.write("a.dae", before + b'url="#gone"' + after)
 
     for _ in range(2):  # From the cache, too.
         converter.report = type(converter.report)()
         assert colors(converter.visual(source)) == [[1, 0, 0, 1]]
         assert converter.lines == [
             f"warning: link 'a', visual 0: mesh file '{source}': a part of it can't be "
-            "read (DaeBrokenRefError: Material #gone not found); left out"
+            "read (DaeBrokenRefError: Geometry #gone not found in library); left out"
         ]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        (b'target="#m1"', b'target="#gone"', "Material #gone not found"),
+        (b'url="#e1"', b'url="#gone"', "Effect not found: #gone"),
+        (
+            b'<technique sid="c"><phong><diffuse><color>0 1 0 1',
+            b'<newparam sid="t"><sampler2D><source>gone</source></sampler2D></newparam>'
+            b'<technique sid="c"><phong><diffuse><color>0 1 0 1',
+            "Missing surface gone",
+        ),
+    ],
+)
+def test_what_has_a_broken_collada_material_is_drawn_without(
+    converter, old, new, reason
+):
+    text = dae(nodes=[("", "1 0 0 1"), ("1 0 0 5 0 1 0 0 0 0 1 0 0 0 0 1", "0 1 0 1")])
+    assert old in text
+    source = converter.write("a.dae", text.replace(old, new))
+
+    visual = converter.visual(source)
+
+    assert drawn_extents(visual)[1, 0] > 4.0  # The second one is 5 m away.
+    assert [1, 0, 0, 1] in colors(visual)
+    (line,) = converter.lines
+    assert f"can't be read (DaeBrokenRefError: {reason}" in line
+    assert line.endswith("drawn without them")

@@ -9,7 +9,7 @@ import pytest
 import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.visualization.meshcat import View
-from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page import Page, WidgetEvent
 from arm_drake.visualization.page.camera import DIRECTIONS, CameraPart
 from arm_drake.visualization.page.robot_viewer import RobotViewer
 from tests.visualization.scene import transform
@@ -45,17 +45,17 @@ def camera_of(viewer: RobotViewer) -> CameraPart:
 
 
 def test_the_camera_goes_where_the_link_goes(viewer: RobotViewer) -> None:
-    viewer.handle([Event("camera:follow", "tip")])
+    viewer.handle([WidgetEvent("camera:follow", "tip")])
     viewer.set_positions({"turn": math.pi / 2.0})
 
     moved = transform(viewer.page.meshcat, "/Followed")
     np.testing.assert_allclose(moved[:3, 3], [-0.4, 0.4, 0.0], atol=1e-9)
     # It doesn't turn.
     np.testing.assert_allclose(moved[:3, :3], np.eye(3), atol=1e-9)
-    viewer.handle([Event("camera:follow", "nothing")])
+    viewer.handle([WidgetEvent("camera:follow", "nothing")])
     viewer.set_positions({"turn": math.pi})
     # It stays where it is, and goes on from there.
-    viewer.handle([Event("camera:follow", "tip")])
+    viewer.handle([WidgetEvent("camera:follow", "tip")])
     viewer.set_positions({"turn": math.pi / 2.0})
     moved = transform(viewer.page.meshcat, "/Followed")
     np.testing.assert_allclose(moved[:3, 3], [0.0, 0.8, 0.0], atol=1e-9)
@@ -82,10 +82,10 @@ def test_a_view_or_link_that_is_not_there_is_said(viewer: RobotViewer) -> None:
 
 
 def test_a_camera_that_is_placed_anew_follows_from_there(viewer: RobotViewer) -> None:
-    viewer.handle([Event("camera:follow", "tip")])
+    viewer.handle([WidgetEvent("camera:follow", "tip")])
     viewer.set_positions({"turn": math.pi / 2.0})
 
-    viewer.handle([Event("camera:top")])
+    viewer.handle([WidgetEvent("camera:top")])
 
     # What was gone before is forgotten: a page that comes later sees the same.
     viewer.set_positions({"turn": math.pi / 2.0})

@@ -13,7 +13,7 @@ from PIL import Image
 import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.simulation.simulation import Simulation
-from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page import Page, WidgetEvent
 from arm_drake.visualization.page.camera_pictures import CameraPictures, _frustum
 from arm_drake.visualization.page.live_simulation import LiveSimulation
 from arm_drake.visualization.page.parts import find_part
@@ -61,7 +61,7 @@ def read(source: str) -> np.ndarray:
 def test_a_picture_is_what_the_camera_sees(live: LiveSimulation) -> None:
     assert shown(live)["source"] == ""
 
-    live.handle([Event("cameras:shown", "eye color")])
+    live.handle([WidgetEvent("cameras:shown", "eye color")])
 
     picture = read(shown(live)["source"])
     seen = live.simulation.camera("eye").color().astype(int)
@@ -110,12 +110,12 @@ def test_a_pyramid_has_the_camera_s_field_of_view(live: LiveSimulation) -> None:
     assert lower == pytest.approx(right * 48.0 / 64.0, rel=1e-3)
     assert not start[:, :4].any()
 
-    live.handle([Event("cameras:frusta", True)])
+    live.handle([WidgetEvent("cameras:frusta", True)])
 
     X = transform(live.page.meshcat, "/drake/camera_frusta/eye")
     assert X[:3, 3] == pytest.approx(DOWN[:3])
     assert X[:3, 2] == pytest.approx([0.0, 0.0, -1.0], abs=1e-9)
-    live.handle([Event("cameras:frusta", False)])
+    live.handle([WidgetEvent("cameras:frusta", False)])
     assert not live.page.meshcat.HasPath("/drake/camera_frusta/eye")
 
 

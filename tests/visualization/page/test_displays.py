@@ -22,7 +22,7 @@ from arm_drake.messages import (
 )
 from arm_drake.messages.sensors import ContactsState, ContactState
 from arm_drake.simulation.simulation import Simulation
-from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page import Page, WidgetEvent
 from arm_drake.visualization.page.camera_pictures import CameraPictures
 from arm_drake.visualization.page.displays import (
     Cloud,
@@ -92,7 +92,7 @@ def test_a_path_goes_on_from_where_the_base_is(
 @pytest.mark.slow
 def test_a_path_is_drawn_of_a_base_that_drives(live: LiveSimulation) -> None:
     [topic] = [t for t, k in displays_of(live).topics.items() if k is OdometryPath]
-    live.handle([Event(f"display:{topic}", True)])
+    live.handle([WidgetEvent(f"display:{topic}", True)])
     path = f"/drake/displays/{topic.strip('/').replace('/', '|')}"
 
     live.remotes[0].handle(f"remote:{live.remotes[0].controller}:forward", 0.4)
@@ -100,7 +100,7 @@ def test_a_path_is_drawn_of_a_base_that_drives(live: LiveSimulation) -> None:
         live.run(0.1)
 
     assert live.page.meshcat.HasPath(path)
-    live.handle([Event(f"display:{topic}", False)])
+    live.handle([WidgetEvent(f"display:{topic}", False)])
     assert not live.page.meshcat.HasPath(path)
 
 

@@ -8,7 +8,7 @@ import pytest
 import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.scene import Scene
-from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page import Page, WidgetEvent
 from arm_drake.visualization.page.hands import Hands
 from arm_drake.visualization.page.live_simulation import LiveSimulation
 from arm_drake.worlds.things import Thing
@@ -48,11 +48,11 @@ def ball(live: LiveSimulation) -> tuple[np.ndarray, np.ndarray]:
 def test_a_push_is_force_times_time(live: LiveSimulation) -> None:
     live.handle(
         [
-            Event("hands:body", "ball"),
-            Event("hands:direction", "+y"),
-            Event("hands:force", 2.0),
-            Event("hands:duration", 0.25),
-            Event("hands:push"),
+            WidgetEvent("hands:body", "ball"),
+            WidgetEvent("hands:direction", "+y"),
+            WidgetEvent("hands:force", 2.0),
+            WidgetEvent("hands:duration", 0.25),
+            WidgetEvent("hands:push"),
         ]
     )
     live.run(0.6)
@@ -70,12 +70,12 @@ def test_what_is_dragged_comes_to_the_pointer_and_stays_when_let_go(
 ) -> None:
     drag = {"path": "drake/visual/ball/ball/ball", "from": [1, 0, 0.5]}
     for way in (0.1, 0.2, 0.3):
-        live.handle([Event("hands:pull", {**drag, "to": [1, way, 0.6]})])
+        live.handle([WidgetEvent("hands:pull", {**drag, "to": [1, way, 0.6]})])
         live.run(0.05)
     live.run(1.0)
     assert ball(live)[0] == pytest.approx([1.0, 0.3, 0.6], abs=1e-3)
 
-    live.handle([Event("hands:release")])
+    live.handle([WidgetEvent("hands:release")])
     live.run(0.5)
     assert ball(live)[0] == pytest.approx([1.0, 0.3, 0.6], abs=2e-3)
 
@@ -129,7 +129,7 @@ def test_who_pulls_nothing_changes_nothing(live: LiveSimulation, scene: Scene) -
     ],
 )
 def test_what_makes_no_sense_pulls_nothing(live: LiveSimulation, value: object) -> None:
-    live.handle([Event("hands:pull", value)])
+    live.handle([WidgetEvent("hands:pull", value)])
 
     assert hands_of(live).changes()["hands:pulling"] == {"value": "–"}
 

@@ -12,7 +12,7 @@ from arm_drake.errors import InputError
 from arm_drake.scene import Scene
 from arm_drake.simulation.continuation import continue_with
 from arm_drake.simulation.simulation import Simulation
-from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page import Page, WidgetEvent
 from arm_drake.visualization.page.insertion import Insertion
 from arm_drake.visualization.page.live_simulation import LiveSimulation
 from arm_drake.visualization.page.parts import find_part
@@ -60,9 +60,13 @@ def test_a_thing_falls_from_where_it_is_inserted(page: Page, robot: ad.Robot) ->
     live = simulate(page, Scene((robot,)))
     live.run(0.2)
     live.handle(
-        [Event("insert:kind", "sphere"), Event("insert:x", 1.5), Event("insert:z", 1.0)]
+        [
+            WidgetEvent("insert:kind", "sphere"),
+            WidgetEvent("insert:x", 1.5),
+            WidgetEvent("insert:z", 1.0),
+        ]
     )
-    live.handle([Event("insert:now")])
+    live.handle([WidgetEvent("insert:now")])
     assert height(live.simulation, "sphere_1") == pytest.approx(1.0)
     live.run(0.3)
 
@@ -73,7 +77,7 @@ def test_a_thing_falls_from_where_it_is_inserted(page: Page, robot: ad.Robot) ->
     assert [thing.name for thing in live.scene.things] == ["sphere_1"]
     # Another one has another name; both are there after a reset, and at the start.
     live.run(0.2)
-    live.handle([Event("insert:now"), Event("reset")])
+    live.handle([WidgetEvent("insert:now"), WidgetEvent("reset")])
     assert height(live.simulation, "sphere_1") == pytest.approx(1.0)
     assert height(live.simulation, "sphere_2") == pytest.approx(1.0)
     assert live.simulation.time == 0.0
@@ -84,10 +88,10 @@ def test_what_would_lie_in_another_thing_is_put_above_it(
     page: Page, robot: ad.Robot
 ) -> None:
     live = simulate(page, Scene((robot,)))
-    live.handle([Event("insert:x", 1.5), Event("insert:z", 0.025)])
+    live.handle([WidgetEvent("insert:x", 1.5), WidgetEvent("insert:z", 0.025)])
 
     for _ in range(3):
-        live.handle([Event("insert:now")])
+        live.handle([WidgetEvent("insert:now")])
 
     heights = [height(live.simulation, f"box_{n}") for n in (1, 2, 3)]
     # Boxes of 50 mm are 43 mm from their middle to a corner.
@@ -115,7 +119,7 @@ def test_the_readout_tells_of_a_thing_that_is_clicked(
     live = simulate(page, Scene((robot,), things=(CUBE,)))
     live.run(0.1)
 
-    live.handle([Event("readout:pick", "drake/visual/cube/cube/cube")])
+    live.handle([WidgetEvent("readout:pick", "drake/visual/cube/cube/cube")])
     live.views.refresh()
 
     readout = live.views.readout

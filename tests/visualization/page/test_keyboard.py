@@ -13,7 +13,7 @@ import arm_drake as ad
 from arm_drake.commands.sim import _show_live
 from arm_drake.errors import InputError
 from arm_drake.simulation.simulation import Simulation
-from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page import Page, WidgetEvent
 from arm_drake.visualization.page import keyboard as module
 from arm_drake.visualization.page.keyboard import Keyboard
 from arm_drake.visualization.page.live_simulation import LiveSimulation
@@ -88,8 +88,8 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveSimulation]:
 
 
 def hold(live: LiveSimulation, *keys: str, on: bool = True) -> None:
-    live.handle([Event("keys:on", on)] if not keyboard_of(live).is_on else [])
-    live.handle([Event("keys:held", list(keys))])
+    live.handle([WidgetEvent("keys:on", on)] if not keyboard_of(live).is_on else [])
+    live.handle([WidgetEvent("keys:held", list(keys))])
 
 
 def keyboard_of(live: LiveSimulation) -> Keyboard:
@@ -164,7 +164,7 @@ def test_a_digit_jogs_a_joint_and_shift_back(arm: LiveSimulation) -> None:
 def test_a_velocity_ends_with_its_key(arm: LiveSimulation) -> None:
     arm.simulation.switch_controllers(activate=["speeds"], deactivate=["arm"])
     arm.run(0.1)
-    arm.handle([Event("keys:arm", "speeds")])
+    arm.handle([WidgetEvent("keys:arm", "speeds")])
     hold(arm, "Digit1")
     arm.run(0.5)
     assert arm.simulation.joint_states().velocity[0] == pytest.approx(0.5, abs=0.05)
@@ -176,7 +176,7 @@ def test_a_velocity_ends_with_its_key(arm: LiveSimulation) -> None:
 
 
 def test_keys_do_nothing_while_they_are_off(arm: LiveSimulation) -> None:
-    arm.handle([Event("keys:held", ["Digit1"])])
+    arm.handle([WidgetEvent("keys:held", ["Digit1"])])
 
     assert keyboard_of(arm).advance() == math.inf
     arm.run(0.2)
@@ -186,7 +186,7 @@ def test_keys_do_nothing_while_they_are_off(arm: LiveSimulation) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("value", [None, 3, "Digit1", [3, None, "KeyA", "Digit0"], {}])
 def test_what_makes_no_sense_drives_nothing(arm: LiveSimulation, value: object) -> None:
-    arm.handle([Event("keys:on", True), Event("keys:held", value)])
+    arm.handle([WidgetEvent("keys:on", True), WidgetEvent("keys:held", value)])
 
     assert keyboard_of(arm).advance() == math.inf
 
@@ -196,7 +196,7 @@ def test_an_inactive_controller_is_said_and_the_run_goes_on(
 ) -> None:
     said: list[str] = []
     monkeypatch.setattr(Page, "say", lambda page, text, *rest: said.append(text))
-    arm.handle([Event("keys:arm", "speeds")])
+    arm.handle([WidgetEvent("keys:arm", "speeds")])
     hold(arm, "Digit1")
 
     arm.run(0.2)

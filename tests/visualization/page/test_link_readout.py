@@ -12,7 +12,7 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 import arm_drake as ad
 from arm_drake.errors import InputError
-from arm_drake.visualization.page import Event, Scene
+from arm_drake.visualization.page import Scene, WidgetEvent
 from arm_drake.visualization.page.live_views import LiveViews
 from arm_drake.visualization.page.panel import LinkReadout
 from arm_drake.visualization.page.robot_viewer import RobotViewer
@@ -79,7 +79,7 @@ def test_the_pose_in_the_world_is_told(viewer: RobotViewer, panel: Panel) -> Non
 def test_the_pose_is_relative_to_another_link(
     viewer: RobotViewer, panel: Panel
 ) -> None:
-    viewer.handle([Event("readout:relative_to", "upper")])
+    viewer.handle([WidgetEvent("readout:relative_to", "upper")])
 
     expected = by_drake(viewer, "lower", "upper")
     np.testing.assert_allclose(
@@ -121,7 +121,9 @@ def test_it_says_what_the_link_is(viewer: RobotViewer, panel: Panel) -> None:
 def test_a_click_on_what_is_drawn_of_a_link_chooses_it(
     viewer: RobotViewer, panel: Panel, kind: str
 ) -> None:
-    viewer.handle([Event("readout:pick", f"drake/{kind}/two_links/upper/<object>")])
+    viewer.handle(
+        [WidgetEvent("readout:pick", f"drake/{kind}/two_links/upper/<object>")]
+    )
 
     assert viewer.readout.frame == "upper"
     assert panel.values["readout:frame"] == "upper"
@@ -132,7 +134,7 @@ def test_a_click_on_what_is_drawn_of_a_link_chooses_it(
 def test_a_click_beside_links_chooses_nothing(
     viewer: RobotViewer, path: object
 ) -> None:
-    viewer.handle([Event("readout:pick", path)])
+    viewer.handle([WidgetEvent("readout:pick", path)])
 
     assert viewer.readout.frame == "lower"
 

@@ -15,7 +15,7 @@ from arm_drake.messages import (
     Odometry,
 )
 from arm_drake.simulation.simulation import Simulation
-from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page import Page, WidgetEvent
 from arm_drake.visualization.page import live_plots as module
 from arm_drake.visualization.page.live_plots import (
     PERIOD,
@@ -171,11 +171,11 @@ def test_a_reset_begins_anew(live: LiveSimulation) -> None:
 
 @pytest.mark.slow
 def test_a_curve_is_chosen_on_the_panel(live: LiveSimulation) -> None:
-    live.handle([Event("plot:topic", "joint_states")])
-    live.handle([Event("plot:number", "position[joint3]")])
+    live.handle([WidgetEvent("plot:topic", "joint_states")])
+    live.handle([WidgetEvent("plot:number", "position[joint3]")])
 
     assert plots_of(live).curves == (JOINT,)
-    live.handle([Event("plot:remove", JOINT)])
+    live.handle([WidgetEvent("plot:remove", JOINT)])
     assert plots_of(live).curves == ()
 
 

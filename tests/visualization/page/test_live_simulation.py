@@ -14,7 +14,7 @@ import pytest
 import arm_drake as ad
 from arm_drake.errors import InputError, MotionError, SimulationError
 from arm_drake.simulation.motion_files import parse_motion
-from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page import Page, WidgetEvent
 from arm_drake.visualization.page import live_simulation as mut
 from arm_drake.visualization.page.live_simulation import LiveSimulation
 from arm_drake.visualization.page.page import EventQueue
@@ -172,7 +172,7 @@ def test_a_pause_in_the_middle_does_not_change_it(
 
     def press(time: float) -> None:
         if next(looks) in (1, 3, 4, 6):
-            live.handle([Event("play")])
+            live.handle([WidgetEvent("play")])
 
     live.run(DURATION, press)
 
@@ -260,7 +260,7 @@ def test_a_reset_during_a_run_starts_the_motion_anew(
         # Pace, by which it goes on by 0.2 s at once, at most.
         if time > 0.2 and not resets:
             resets.append(time)
-            live.handle([Event("reset")])
+            live.handle([WidgetEvent("reset")])
 
     live.run(DURATION, press)
 
@@ -308,7 +308,7 @@ class Clock:
     def perf_counter(self) -> float:
         return self.now
 
-    def events(self, timeout: float) -> list[Event]:
+    def events(self, timeout: float) -> list[WidgetEvent]:
         self.now += timeout + 1e-6
         return self._events(0.0)
 
@@ -354,7 +354,7 @@ def test_a_simulation_that_is_too_slow_leaves_the_page_alive(
     looks: list[float] = []
     take = clock.events
 
-    def look(timeout: float) -> list[Event]:
+    def look(timeout: float) -> list[WidgetEvent]:
         looks.append(clock.now)
         return take(timeout)
 
@@ -381,19 +381,19 @@ def test_the_page_is_served_while_nobody_looks_at_events(
 def test_what_is_clicked_is_done(page: Page, robot: ad.Robot) -> None:
     live = make(page, robot, motion=None)
 
-    live.handle([Event("play")])
+    live.handle([WidgetEvent("play")])
     assert not live.is_playing
-    live.handle([Event("step")])
+    live.handle([WidgetEvent("step")])
     assert live.simulation.time == pytest.approx(PERIOD)
-    live.handle([Event("play")])
+    live.handle([WidgetEvent("play")])
     assert live.is_playing
-    live.handle([Event("rate", "0.25 ×")])
+    live.handle([WidgetEvent("rate", "0.25 ×")])
     assert live.realtime_rate == 0.25
-    live.handle([Event("rate", "as fast as it goes")])
+    live.handle([WidgetEvent("rate", "as fast as it goes")])
     assert live.realtime_rate == 0.0
-    live.handle([Event("reset")])
+    live.handle([WidgetEvent("reset")])
     assert live.simulation.time == 0.0
-    live.handle([Event("frame")])
+    live.handle([WidgetEvent("frame")])
 
 
 def test_controllers_are_switched_and_the_news_say_so(
@@ -402,9 +402,9 @@ def test_controllers_are_switched_and_the_news_say_so(
     live = make(page, robot, motion=None, is_paused=True)
     live.step(3)
 
-    live.handle([Event("deactivate:arm")])
+    live.handle([WidgetEvent("deactivate:arm")])
     live.step(3)
-    live.handle([Event("activate:group")])
+    live.handle([WidgetEvent("activate:group")])
     live.step(3)
 
     states = {row.name: row.state for row in live.simulation.list_controllers()}
@@ -421,9 +421,9 @@ def test_what_sliders_send_is_news_of_a_drag_its_end(
     joint, other = live.remotes[0].widgets()[:2]
 
     for value in (0.1, 0.2, 0.3):
-        live.handle([Event(joint.id, value)])
-    live.handle([Event(other.id, 0.1)])
-    live.handle([Event(joint.id, 0.4)])
+        live.handle([WidgetEvent(joint.id, value)])
+    live.handle([WidgetEvent(other.id, 0.1)])
+    live.handle([WidgetEvent(joint.id, 0.4)])
 
     texts = [line.split(" s  ")[1] for line in reversed(live.log.splitlines())]
     names = [widget.id.split(":")[-1] for widget in (joint, other)]
@@ -441,7 +441,7 @@ def test_news_tell_the_goal_that_is_sent_not_one_beyond_the_range(
     live.step(3)
     joint = live.remotes[0].widgets()[0]
 
-    live.handle([Event(joint.id, 99.0)])
+    live.handle([WidgetEvent(joint.id, 99.0)])
 
     assert f"{joint.upper:.4g} by the panel" in live.log
     assert "99" not in live.log
@@ -490,37 +490,40 @@ def test_who_stands_in_the_ground_hears_of_it(
     ("event", "message"),
     [
         (
-            Event("activate:grup"),
+            WidgetEvent("activate:grup"),
             "no controller 'grup'; did you mean 'group'? known: arm, group, states",
         ),
-        (Event("rate", "quick"), "real-time rate: expected a number, got 'quick'"),
-        (Event("rate", ""), "real-time rate: expected a number, got ''"),
-        (Event("rate", None), "real-time rate: expected a number, got None"),
-        (Event("rate", {}), "real-time rate: expected a number, got {}"),
-        (Event("rate", "-1 ×"), "real-time rate: expected at least 0, got -1.0"),
-        (Event("rate", "nan"), "real-time rate: expected at least 0, got nan"),
         (
-            Event("fixed_frame", "lowr"),
+            WidgetEvent("rate", "quick"),
+            "real-time rate: expected a number, got 'quick'",
+        ),
+        (WidgetEvent("rate", ""), "real-time rate: expected a number, got ''"),
+        (WidgetEvent("rate", None), "real-time rate: expected a number, got None"),
+        (WidgetEvent("rate", {}), "real-time rate: expected a number, got {}"),
+        (WidgetEvent("rate", "-1 ×"), "real-time rate: expected at least 0, got -1.0"),
+        (WidgetEvent("rate", "nan"), "real-time rate: expected at least 0, got nan"),
+        (
+            WidgetEvent("fixed_frame", "lowr"),
             "fixed frame: no link 'lowr'; did you mean 'lower'? known: base, lower, "
             "upper, world",
         ),
         (
-            Event("trail", 3),
+            WidgetEvent("trail", 3),
             "trail: no link '3'; known: base, lower, upper",
         ),
         (
-            Event("show:everything", True),
+            WidgetEvent("show:everything", True),
             "nothing called 'everything' can be shown; known: collision, frames, "
             "inertia, joint_axes, names, visual",
         ),
         (
-            Event("remote:arm:none", 1.0),
+            WidgetEvent("remote:arm:none", 1.0),
             None,
         ),
     ],
 )
 def test_what_cannot_be_done_is_said_on_the_page_and_it_goes_on(
-    page: Page, robot: ad.Robot, event: Event, message: str | None
+    page: Page, robot: ad.Robot, event: WidgetEvent, message: str | None
 ) -> None:
     live = make(page, robot)
     with Panel(page.port) as panel:
@@ -533,7 +536,7 @@ def test_what_cannot_be_done_is_said_on_the_page_and_it_goes_on(
         live.run(0.02)
 
         # The next click that can be done takes it away.
-        live.handle([Event("frame")])
+        live.handle([WidgetEvent("frame")])
         panel.hear_until(lambda m: m.get("text") == "")
 
 
@@ -563,7 +566,7 @@ def test_what_cannot_be_done_is_said_on_the_page_and_it_goes_on(
 def test_no_event_harms_it(
     page: Page, live_for_garbage: LiveSimulation, name: str, value: Any
 ) -> None:
-    live_for_garbage.handle([Event(name, value)])
+    live_for_garbage.handle([WidgetEvent(name, value)])
 
     live_for_garbage.step()
 
@@ -610,7 +613,7 @@ def test_the_past_is_shown_as_it_was(
         seen.append(pose(page.meshcat, path))
         live.stop()
 
-    live.handle([Event("seek", 0.26)])
+    live.handle([WidgetEvent("seek", 0.26)])
     assert live.shown_time == 0.26
     live.run(1.0, look)
 
@@ -627,7 +630,11 @@ def test_a_look_at_the_past_does_not_change_what_comes(
 ) -> None:
     live = make(page, robot, realtime_rate=2.0)
     looks = itertools.count()
-    clicks = {1: Event("seek", 0.05), 2: Event("play"), 3: Event("replay")}
+    clicks = {
+        1: WidgetEvent("seek", 0.05),
+        2: WidgetEvent("play"),
+        3: WidgetEvent("replay"),
+    }
 
     def press(time: float) -> None:
         if event := clicks.get(next(looks)):
@@ -673,7 +680,7 @@ def test_it_waits_for_a_browser(page: Page, robot: ad.Robot) -> None:
 def test_a_browser_can_end_it(page: Page, robot: ad.Robot) -> None:
     live = make(page, robot, motion=None)
 
-    live.handle([Event("end")])
+    live.handle([WidgetEvent("end")])
     live.run(1.0)
 
     assert live.is_ended
@@ -763,25 +770,25 @@ def test_what_cannot_be_shown_is_said_at_once(page: Page, robot: ad.Robot) -> No
 def test_of_a_sliders_way_the_end_counts() -> None:
     queue = EventQueue()
     events = [
-        Event("a", 1.0),
-        Event("a", 2.0),
-        Event("b", 1.0),
-        Event("a", 3.0),
-        Event("a", 4.0),
-        Event("go"),
-        Event("go"),
-        Event("a", 5.0),
+        WidgetEvent("a", 1.0),
+        WidgetEvent("a", 2.0),
+        WidgetEvent("b", 1.0),
+        WidgetEvent("a", 3.0),
+        WidgetEvent("a", 4.0),
+        WidgetEvent("go"),
+        WidgetEvent("go"),
+        WidgetEvent("a", 5.0),
     ]
 
     was_empty = [queue.put(event) for event in events]
 
     assert was_empty == [True] + [False] * 7
     assert queue.take() == [
-        Event("b", 1.0),
-        Event("a", 4.0),
-        Event("go"),
-        Event("go"),
-        Event("a", 5.0),
+        WidgetEvent("b", 1.0),
+        WidgetEvent("a", 4.0),
+        WidgetEvent("go"),
+        WidgetEvent("go"),
+        WidgetEvent("a", 5.0),
     ]
 
 
@@ -839,7 +846,7 @@ def test_a_click_saves_the_scene_as_it_is_now(
     live = make(page, robot, scene=ad.Scene(robots=(robot,)), is_paused=True)
     live.step(200)
 
-    live.handle([Event("save_scene", None)])
+    live.handle([WidgetEvent("save_scene", None)])
 
     assert "scene saved: scene_2.yaml" in live.log
     assert Path("scene.yaml").read_text(encoding="utf-8") == "kept"

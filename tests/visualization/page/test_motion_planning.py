@@ -2,6 +2,7 @@
 
 import math
 import time
+import types
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 import arm_drake as ad
-from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page import Page, WidgetEvent, motion_planning
 from arm_drake.visualization.page.live_simulation import LiveSimulation
 from arm_drake.visualization.page.motion_planning import (
     GOAL_COLOR,
@@ -79,7 +80,7 @@ def live(page: Page, robot: ad.Robot) -> LiveSimulation:
 def click(subject: RobotViewer | LiveSimulation, *what: Any) -> MotionPlanning:
     """Do what was clicked in one go: names, or names with values."""
     pairs = [each if isinstance(each, tuple) else (each, None) for each in what]
-    subject.handle([Event(f"plan:{name}", value) for name, value in pairs])
+    subject.handle([WidgetEvent(f"plan:{name}", value) for name, value in pairs])
     return subject.planning
 
 
@@ -181,7 +182,9 @@ def test_the_scale_of_the_speed_makes_it_slower(viewer: RobotViewer) -> None:
     assert slow.duration > fast.duration
 
 
-def test_stop_leaves_the_robot_where_it_is(viewer: RobotViewer) -> None:
+def test_stop_leaves_the_robot_where_it_is(
+    viewer: RobotViewer, monkeypatch: pytest.MonkeyPatch
+) -> None:
     slow = ("velocity_scaling", 0.01)
     planning = click(viewer, *above(1.0), slow, "plan", "execute")
     wait_until(
@@ -193,8 +196,9 @@ def test_stop_leaves_the_robot_where_it_is(viewer: RobotViewer) -> None:
 
     click(viewer, "stop")
 
-    stopped = viewer.positions
-    time.sleep(0.1)
+    stopped, later = viewer.positions, time.monotonic() + 10.0
+    clock = types.SimpleNamespace(monotonic=lambda: later)
+    monkeypatch.setattr(motion_planning, "time", clock)
     viewer.handle([])
     assert viewer.positions == stopped
     assert planning.status == "stopped"

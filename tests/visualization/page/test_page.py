@@ -7,7 +7,14 @@ import pytest
 from pydrake.geometry import Sphere
 from pydrake.math import RigidTransform
 
-from arm_drake.visualization.page import Button, Buttons, Event, Page, Section, Slider
+from arm_drake.visualization.page import (
+    Button,
+    Buttons,
+    Page,
+    Section,
+    Slider,
+    WidgetEvent,
+)
 from arm_drake.worlds.sdf_world import show_backdrop
 from tests.visualization.page.clients import Panel
 from tests.waiting import PATIENCE, wait_until
@@ -29,9 +36,9 @@ def panel(page: Page) -> Iterator[Panel]:
         yield panel
 
 
-def take(page: Page, count: int) -> list[Event]:
+def take(page: Page, count: int) -> list[WidgetEvent]:
     """Return so many events."""
-    events: list[Event] = []
+    events: list[WidgetEvent] = []
     while len(events) < count:
         new = page.events(PATIENCE)
         assert new
@@ -158,8 +165,8 @@ def test_events_come_in_order_with_their_values(page: Page, panel: Panel) -> Non
         panel.say(f"joint:{number}", value)
 
     assert take(page, 8) == [
-        Event("play"),
-        *(Event(f"joint:{number}", value) for number, value in enumerate(values)),
+        WidgetEvent("play"),
+        *(WidgetEvent(f"joint:{number}", value) for number, value in enumerate(values)),
     ]
 
 
@@ -227,5 +234,5 @@ def test_two_pages_at_once_have_scenes_of_their_own(page: Page) -> None:
             other.set_panel("other", [Section("s", (Buttons((Button("b", "b"),)),))])
             assert client.hear()["title"] == "other"
             client.say("b")
-            assert take(other, 1) == [Event("b")]
+            assert take(other, 1) == [WidgetEvent("b")]
     assert page.events(0.0) == []

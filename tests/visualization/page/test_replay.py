@@ -11,7 +11,7 @@ import pytest
 import arm_drake as ad
 from arm_drake.cli import main
 from arm_drake.errors import InputError
-from arm_drake.visualization.page import Event, Page, Scene
+from arm_drake.visualization.page import Page, Scene, WidgetEvent
 from arm_drake.visualization.page.replay import Replay, ReplayPage, load_recorded_robot
 from tests.carts import cart, diff_drive
 from tests.carts import load as load_cart
@@ -177,15 +177,24 @@ def test_the_page_plays_to_the_end_and_does_what_is_clicked(recorded) -> None:
         stopper.join()
 
         assert (shown.time, shown.is_playing) == (replay.end, False)
-        shown.handle([Event("play", None)])
+        shown.handle([WidgetEvent("play", None)])
         assert (shown.time, shown.is_playing) == (replay.start, True)
-        shown.handle([Event("play", None), Event("rate", "0.5 ×"), Event("time", 1.5)])
+        shown.handle(
+            [
+                WidgetEvent("play", None),
+                WidgetEvent("rate", "0.5 ×"),
+                WidgetEvent("time", 1.5),
+            ]
+        )
         assert (shown.is_playing, shown.rate, shown.time) == (False, 0.5, 1.5)
-        shown.handle([Event("time", 99)])
+        shown.handle([WidgetEvent("time", 99)])
         assert shown.time == replay.end
-        shown.handle([Event("restart", None)])
+        shown.handle([WidgetEvent("restart", None)])
         assert shown.time == replay.start
-        for bad in (Event("time", "x"), Event("rate", "as fast as it goes")):
+        for bad in (
+            WidgetEvent("time", "x"),
+            WidgetEvent("rate", "as fast as it goes"),
+        ):
             shown.handle([bad])
         assert (shown.time, shown.rate) == (replay.start, 0.5)
 

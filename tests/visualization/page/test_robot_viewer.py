@@ -13,7 +13,7 @@ import arm_drake as ad
 from arm_drake.description.source_files import file_of, files_of_failed
 from arm_drake.errors import ArmDrakeError, InputError
 from arm_drake.plant.joint_ranges import joint_ranges
-from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page import Page, WidgetEvent
 from arm_drake.visualization.page.robot_viewer import RobotViewer
 from tests.models import GRIPPER, TWO_LINKS, bob, joint
 from tests.visualization.page.clients import Panel
@@ -494,7 +494,7 @@ def test_a_robot_without_joints_can_be_looked_at(page: Page, tmp_path: Path) -> 
 
     viewer.randomize()
     viewer.center()
-    viewer.handle([Event("joint:none", 1.0), Event("frame")])
+    viewer.handle([WidgetEvent("joint:none", 1.0), WidgetEvent("frame")])
 
     assert viewer.positions == {}
     assert viewer.pose_yaml() == ""

@@ -18,7 +18,7 @@ import pytest
 from pydrake.geometry import Box, Rgba
 
 from arm_drake.errors import InputError, SimulationError
-from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page import Page, WidgetEvent
 from arm_drake.visualization.page import page as module
 from arm_drake.visualization.page.scene import meshcat_address
 from tests.test_memory import resident_memory
@@ -362,7 +362,7 @@ def test_garbage_is_no_event_and_harms_nobody(
         client.send(garbage, kind)
         client.say("after", 2)
         # In the order of what was said: garbage would be first.
-        assert page.events(PATIENCE) == [Event("after", 2)]
+        assert page.events(PATIENCE) == [WidgetEvent("after", 2)]
 
     assert caplog.records == []
 
@@ -378,7 +378,7 @@ def test_a_message_that_is_too_long_ends_its_own_connection_only(
                 client.hear()
         wait_until(lambda: page.num_browsers == 1)
         other.say("play")
-        assert page.events(PATIENCE) == [Event("play")]
+        assert page.events(PATIENCE) == [WidgetEvent("play")]
 
     assert caplog.records == []
 
@@ -415,7 +415,7 @@ def test_raw_garbage_harms_nobody(page: Page) -> None:
             with socket.create_connection(("127.0.0.1", page.port)) as connection:
                 connection.sendall(garbage)
         other.say("play")
-        assert page.events(PATIENCE) == [Event("play")]
+        assert page.events(PATIENCE) == [WidgetEvent("play")]
 
     assert get(page.port, "/meshcat/").status == 200
 
@@ -596,8 +596,8 @@ def test_a_flood_of_events_leaves_the_newest_of_each_widget(page: Page) -> None:
         for number in range(3000):
             panel.say(f"slider:{number % 3}", number + 1)
         panel.say("after")
-        happened: list[Event] = []
-        while Event("after") not in happened:
+        happened: list[WidgetEvent] = []
+        while WidgetEvent("after") not in happened:
             happened += page.events(PATIENCE)
             assert len(happened) < 3000
     newest = {event.id: event.value for event in happened}
@@ -615,4 +615,4 @@ def test_no_more_events_wait_than_somebody_can_do(page: Page) -> None:
             panel.say("play")
         wait_until(lambda: len(page._events) == 100)
 
-    assert page.events(0.0) == [Event("play")] * 100
+    assert page.events(0.0) == [WidgetEvent("play")] * 100

@@ -8,7 +8,13 @@ import pytest
 import arm_drake as ad
 from arm_drake.errors import InputError
 from arm_drake.messages import Duration, JointTrajectory, JointTrajectoryPoint
-from arm_drake.visualization.page import Event, Page, Section, live_simulation, parts
+from arm_drake.visualization.page import (
+    Page,
+    Section,
+    WidgetEvent,
+    live_simulation,
+    parts,
+)
 from arm_drake.visualization.page.live_simulation import LiveSimulation, make_sections
 from arm_drake.visualization.page.robot_viewer import RobotViewer
 from arm_drake.visualization.page.teaching import WayPoints
@@ -43,8 +49,8 @@ def test_what_is_taught_by_sliders_is_done_by_the_physics(
     names = [j.name for j in robot.description.movable_joints]
     for pose in poses:
         viewer.set_positions(dict(zip(names, pose, strict=True)))
-        viewer.handle([Event("teach:add")])
-    viewer.handle([Event("teach:save"), Event("teach:save")])
+        viewer.handle([WidgetEvent("teach:add")])
+    viewer.handle([WidgetEvent("teach:save"), WidgetEvent("teach:save")])
 
     assert Path("motion_2.yaml").read_text() == Path("motion.yaml").read_text()
     motion = ad.load_motion("motion.yaml")
@@ -61,7 +67,7 @@ def test_a_motion_taught_while_it_runs_is_played_by_a_click(
     page: Page, robot: ad.Robot
 ) -> None:
     live = simulate(page, robot)
-    live.handle([Event("teach:time", 0.5), Event("teach:add")])
+    live.handle([WidgetEvent("teach:time", 0.5), WidgetEvent("teach:add")])
     live.simulation.run(0.1)
     start = live.simulation.joint_states().position
     goal = [q + 0.3 for q in start]
@@ -69,7 +75,7 @@ def test_a_motion_taught_while_it_runs_is_played_by_a_click(
     trajectory = JointTrajectory(joint_names=tuple(_names(robot)), points=(point,))
     live.simulation.controller(CONTROLLER).send_trajectory(trajectory)
     live.run(1.0)
-    live.handle([Event("teach:add"), Event("teach:play")])
+    live.handle([WidgetEvent("teach:add"), WidgetEvent("teach:play")])
     live.run(0.55)
 
     # The first way point is where it was at the start.
@@ -94,7 +100,13 @@ def test_a_motion_without_way_points_is_said(page: Page, robot: ad.Robot) -> Non
     viewer = RobotViewer(page, lambda: robot, is_watching=False)
     with pytest.raises(InputError, match="no way points; add one first"):
         viewer.parts[-1].handle("teach:save", None)
-    viewer.handle([Event("teach:add"), Event("teach:remove"), Event("teach:save")])
+    viewer.handle(
+        [
+            WidgetEvent("teach:add"),
+            WidgetEvent("teach:remove"),
+            WidgetEvent("teach:save"),
+        ]
+    )
 
     assert not list(Path().glob("motion*"))
 
@@ -106,7 +118,13 @@ def test_way_points_stay_when_the_robot_is_loaded_again(
     other = ad.load_robot("mycobot_280")
     loaded = [robot, robot, other]
     viewer = RobotViewer(page, lambda: loaded.pop(0), is_watching=False)
-    viewer.handle([Event("teach:time", 0.5), Event("teach:add"), Event("teach:add")])
+    viewer.handle(
+        [
+            WidgetEvent("teach:time", 0.5),
+            WidgetEvent("teach:add"),
+            WidgetEvent("teach:add"),
+        ]
+    )
     text = viewer.parts[-1].changes()["teach:motion"]["value"]
 
     assert viewer.reload()
@@ -148,7 +166,7 @@ def test_a_part_is_a_row_of_the_registry(
     [part] = live.parts
     assert isinstance(part, Counter)
     assert part.live is live
-    live.handle([Event("count:up"), Event("teach:add")])
+    live.handle([WidgetEvent("count:up"), WidgetEvent("teach:add")])
     live.run(0.1)
 
     assert part.clicks == 1

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 import arm_drake as ad
-from arm_drake.visualization.page import Event, Page
+from arm_drake.visualization.page import Page, WidgetEvent
 from arm_drake.visualization.page.robot_viewer import RobotViewer, handle_events
 from tests.models import GRIPPER, load
 
@@ -38,21 +38,21 @@ def calls(viewer: RobotViewer, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 @pytest.mark.parametrize(
     ("event", "call"),
     [
-        (Event("joint:finger", 0.5), ("set_positions", {"finger": 0.5})),
-        (Event("joint:finger", 1), ("set_positions", {"finger": 1})),
-        (Event("show:frames", True), ("show", "frames", True)),
-        (Event("show:frames", False), ("show", "frames", False)),
-        (Event("fixed_frame", "left"), ("set_fixed_frame", "left")),
-        (Event("pose:arm: up"), ("take_named_pose", "arm: up")),
-        (Event("randomize"), ("randomize",)),
-        (Event("center"), ("center",)),
-        (Event("frame"), ("frame",)),
-        (Event("show_ghost"), ("show_ghost",)),
-        (Event("hide_ghost"), ("hide_ghost",)),
+        (WidgetEvent("joint:finger", 0.5), ("set_positions", {"finger": 0.5})),
+        (WidgetEvent("joint:finger", 1), ("set_positions", {"finger": 1})),
+        (WidgetEvent("show:frames", True), ("show", "frames", True)),
+        (WidgetEvent("show:frames", False), ("show", "frames", False)),
+        (WidgetEvent("fixed_frame", "left"), ("set_fixed_frame", "left")),
+        (WidgetEvent("pose:arm: up"), ("take_named_pose", "arm: up")),
+        (WidgetEvent("randomize"), ("randomize",)),
+        (WidgetEvent("center"), ("center",)),
+        (WidgetEvent("frame"), ("frame",)),
+        (WidgetEvent("show_ghost"), ("show_ghost",)),
+        (WidgetEvent("hide_ghost"), ("hide_ghost",)),
     ],
 )
 def test_a_click_is_a_method(
-    viewer: RobotViewer, calls: list[Any], event: Event, call: Any
+    viewer: RobotViewer, calls: list[Any], event: WidgetEvent, call: Any
 ) -> None:
     assert list(handle_events(viewer, [event])) == []
 
@@ -64,9 +64,9 @@ def test_of_a_sliders_way_the_end_counts_up_to_the_next_click(
     viewer: RobotViewer, calls: list[Any]
 ) -> None:
     events = [
-        *(Event("joint:finger", value) for value in (0.1, 0.2, 0.3)),
-        Event("show_ghost"),
-        *(Event("joint:finger", value) for value in (0.4, 0.5)),
+        *(WidgetEvent("joint:finger", value) for value in (0.1, 0.2, 0.3)),
+        WidgetEvent("show_ghost"),
+        *(WidgetEvent("joint:finger", value) for value in (0.4, 0.5)),
     ]
 
     list(handle_events(viewer, events))
@@ -85,7 +85,7 @@ def test_of_a_sliders_way_the_end_counts_up_to_the_next_click(
 def test_a_joint_takes_numbers_only(
     viewer: RobotViewer, calls: list[Any], value: Any
 ) -> None:
-    events = [Event("joint:finger", value), Event("joint:finger2", 1.0)]
+    events = [WidgetEvent("joint:finger", value), WidgetEvent("joint:finger2", 1.0)]
 
     assert list(handle_events(viewer, events)) == []
 
@@ -95,7 +95,7 @@ def test_a_joint_takes_numbers_only(
 def test_a_joint_that_follows_or_is_gone_is_left_out(
     viewer: RobotViewer, calls: list[Any]
 ) -> None:
-    events = [Event("joint:follower", 0.1), Event("joint:gone", 0.1)]
+    events = [WidgetEvent("joint:follower", 0.1), WidgetEvent("joint:gone", 0.1)]
 
     assert list(handle_events(viewer, events)) == []
 
@@ -106,10 +106,10 @@ def test_what_cannot_be_done_is_reported_and_the_rest_is_done(
     viewer: RobotViewer,
 ) -> None:
     events = [
-        Event("fixed_frame", "nowhere"),
-        Event("pose:up"),
-        Event("show:all", True),
-        Event("joint:finger", 0.25),
+        WidgetEvent("fixed_frame", "nowhere"),
+        WidgetEvent("pose:up"),
+        WidgetEvent("show:all", True),
+        WidgetEvent("joint:finger", 0.25),
     ]
 
     problems = list(handle_events(viewer, events))
@@ -134,7 +134,7 @@ def test_what_cannot_be_done_is_reported_and_the_rest_is_done(
     ],
 )
 def test_no_event_harms_it(viewer: RobotViewer, name: str, value: Any) -> None:
-    list(handle_events(viewer, [Event(name, value)]))
+    list(handle_events(viewer, [WidgetEvent(name, value)]))
 
     assert set(viewer.positions) == {"finger", "follower"}
     assert all(-3.0 <= q <= 3.0 for q in viewer.positions.values())
