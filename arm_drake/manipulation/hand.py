@@ -436,7 +436,7 @@ class Hand:
         except NoSolution as error:
             raise Failure("reach", str(error)) from None
         X = forward_kinematics(self.robot, solution.positions, palm)
-        miss = float((X.inverse() @ X_WP).rotation().ToAngleAxis().angle())
+        _, miss = distance(X, X_WP)
         if miss > (_TILT if len(joints) == _TURNING - 1 else _SKEW):
             text = f"the arm holds {palm!r} turned by {miss:.2f} rad there"
             raise Failure("reach", text)
