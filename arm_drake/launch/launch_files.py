@@ -267,10 +267,10 @@ def _run_process(
         finally:
             with contextlib.suppress(OSError):
                 os.killpg(process.pid, signal.SIGKILL)
-    raise InputError(_describe_exit(process.returncode), file=path)
+    raise InputError(_explain_exit(process.returncode), file=path)
 
 
-def _describe_exit(code: int) -> str:
+def _explain_exit(code: int) -> str:
     """Return why a process that has not answered is no more."""
     if code == -signal.SIGXCPU:
         return f"takes more than {CPU_TIME} s of processor time"
