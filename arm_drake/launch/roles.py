@@ -22,7 +22,6 @@ from arm_drake.description.links import Pose
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.description.sdf import is_sdf, moves_by_itself
-from arm_drake.description.xacro import expand_xacro
 from arm_drake.errors import DescriptionError, PackageError
 from arm_drake.importing import dataclass
 from arm_drake.launch.actions import join_names, split_ros_arguments
@@ -365,7 +364,7 @@ class Roles:
             return
         text = found.source
         if isinstance(text, Path):
-            text = expand_xacro(text, found.arguments, self._finder)
+            text = self._folder.expand(text, found.arguments, self._finder)
         folder = self._folder.path / f"moveit_{len(self._parts.semantics)}"
         folder.mkdir()
         srdf = folder / "robot.srdf"
