@@ -176,7 +176,6 @@ def _make_node(element: _Element) -> Any:
         arguments=actions.Words(
             [element.get("args", ""), " ", element.get("ros_args", "")]
         ),
-        condition=element.condition,
     )
 
 
@@ -193,34 +192,20 @@ def _make_components(element: _Element) -> Any:
         )
         for each in element.all("composable_node")
     ]
-    return actions.LoadComposableNodes(
-        composable_node_descriptions=loaded, condition=element.condition
-    )
-
-
-def _make_namespace(element: _Element) -> Any:
-    name = element.need("namespace")
-    return actions.PushRosNamespace(name, condition=element.condition)
+    return actions.LoadComposableNodes(composable_node_descriptions=loaded)
 
 
 def _make_include(element: _Element) -> Any:
     arguments = [
         (arg.need("name"), arg.need("value")) for arg in element.all("arg", "let")
     ]
-    return actions.IncludeLaunchDescription(
-        actions.LaunchDescriptionSource(element.need("file")),
-        launch_arguments=arguments,
-        condition=element.condition,
-    )
+    source = actions.LaunchDescriptionSource(element.need("file"))
+    return actions.IncludeLaunchDescription(source, launch_arguments=arguments)
 
 
 def _make_group(element: _Element) -> Any:
     is_scoped = element.attributes.get("scoped", "true").lower() == "true"
-    return actions.GroupAction(
-        [_make_action(child) for child in element.children],
-        scoped=is_scoped,
-        condition=element.condition,
-    )
+    return actions.GroupAction(_make_actions(element), scoped=is_scoped)
 
 
 def _make_argument(element: _Element) -> Any:
@@ -230,66 +215,54 @@ def _make_argument(element: _Element) -> Any:
         default_value=element.get("default"),
         description=element.get("description", ""),
         choices=choices or None,
-        condition=element.condition,
     )
 
 
 def _make_timer(element: _Element) -> Any:
-    return actions.TimerAction(
-        period=element.need("period"),
-        actions=[_make_action(child) for child in element.children],
-        condition=element.condition,
-    )
+    period = element.need("period")
+    return actions.TimerAction(period=period, actions=_make_actions(element))
 
 
 def _make_pair(kind: Any, first: str = "name", second: str = "value") -> Any:
-    def make(element: _Element) -> Any:
-        pair = (element.need(first), element.need(second))
-        return kind(*pair, condition=element.condition)
-
-    return make
+    return lambda element: kind(element.need(first), element.need(second))
 
 
 def _make_set_parameter(element: _Element) -> Any:
     text = substitutions.StringJoinSubstitution(element.need("value"))
     value = parameters.ParameterValue(text)
-    return actions.SetParameter(
-        element.need("name"), value, condition=element.condition
-    )
+    return actions.SetParameter(element.need("name"), value)
 
 
 _MAKERS: Mapping[str, Callable[[_Element], Any]] = {
     "arg": _make_argument,
     "executable": lambda e: actions.ExecuteProcess(
-        cmd=[parse_substitution(e.attributes["cmd"])], condition=e.condition
+        cmd=[parse_substitution(e.attributes["cmd"])]
     ),
     "group": _make_group,
     "include": _make_include,
     "let": _make_pair(actions.SetLaunchConfiguration),
-    "log": lambda e: actions.LogInfo(msg=e.need("message"), condition=e.condition),
-    "log_info": lambda e: actions.LogInfo(msg=e.need("message"), condition=e.condition),
+    "log": lambda e: actions.LogInfo(msg=e.need("message")),
+    "log_info": lambda e: actions.LogInfo(msg=e.need("message")),
     "lifecycle_node": _make_node,
     "load_composable_node": _make_components,
     "node": _make_node,
     "node_container": _make_components,
-    "push-ros-namespace": _make_namespace,
-    "push_ros_namespace": _make_namespace,
+    "push-ros-namespace": lambda e: actions.PushRosNamespace(e.need("namespace")),
+    "push_ros_namespace": lambda e: actions.PushRosNamespace(e.need("namespace")),
     "ros_timer": _make_timer,
     "set_env": _make_pair(actions.SetEnvironmentVariable),
     "append_env": _make_pair(actions.AppendEnvironmentVariable),
     "set_parameter": _make_set_parameter,
     "set_parameters_from_file": lambda e: actions.SetParametersFromFile(
-        e.need("filename"), condition=e.condition
+        e.need("filename")
     ),
     "set_remap": _make_pair(actions.SetRemap, "from", "to"),
     "set_use_sim_time": lambda e: actions.SetUseSimTime(
-        parameters.ParameterValue(e.need("value")), condition=e.condition
+        parameters.ParameterValue(e.need("value"))
     ),
-    "shutdown": lambda e: actions.Shutdown(condition=e.condition),
+    "shutdown": lambda e: actions.Shutdown(),
     "timer": _make_timer,
-    "unset_env": lambda e: actions.UnsetEnvironmentVariable(
-        e.need("name"), condition=e.condition
-    ),
+    "unset_env": lambda e: actions.UnsetEnvironmentVariable(e.need("name")),
 }
 
 
@@ -300,6 +273,7 @@ def _make_action(element: _Element) -> Any:
         raise LaunchError(text, line=element.line)
     try:
         action = _MAKERS[element.tag](element)
+        action.condition = element.condition
     except KeyError as error:
         text = f"<{element.tag}> has no attribute {error.args[0]!r}"
         raise LaunchError(text, line=element.line) from None
@@ -309,11 +283,15 @@ def _make_action(element: _Element) -> Any:
     return action
 
 
+def _make_actions(element: _Element) -> list[Any]:
+    return [_make_action(child) for child in element.children]
+
+
 def _read_data(path: Path, text: str) -> LaunchDescription:
     """Return what an XML or YAML launch file describes."""
     is_xml = path.suffix == ".xml" or text.lstrip().startswith("<")
     root = _parse_xml(text) if is_xml else _parse_yaml(text)
-    return LaunchDescription([_make_action(child) for child in root.children])
+    return LaunchDescription(_make_actions(root))
 
 
 def _read_python(path: Path) -> LaunchDescription:

@@ -19,7 +19,6 @@ from typing import Any
 from arm_drake.description.entry import Source
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
-from arm_drake.description.xacro import expand_xacro
 from arm_drake.errors import ArmDrakeError, InputError, PackageError, suggest
 from arm_drake.launch.launch_description_sources import is_launch_file
 from arm_drake.launch.nodes import PACKAGES
@@ -228,14 +227,14 @@ def _ask(
         "size": _SIZE,
         "only_shows_arguments": only_shows_arguments,
     }
-    answer = _run_process(request, finder, folder.path, path)
+    answer = _run_process(request, finder, folder, path)
     if answer["error"] is not None:
         raise _explain(answer["error"], finder, path)
     return answer, finder, folder
 
 
 def _run_process(
-    request: Mapping[str, Any], finder: PackageFinder, folder: Path, path: Path
+    request: Mapping[str, Any], finder: PackageFinder, folder: PlanFolder, path: Path
 ) -> Any:
     paths = [os.path.abspath(each) for each in sys.path]
     code = f"import sys; sys.path[:] = {paths!r}; "
@@ -267,10 +266,10 @@ def _run_process(
         finally:
             with contextlib.suppress(OSError):
                 os.killpg(process.pid, signal.SIGKILL)
-    raise InputError(_describe_exit(process.returncode), file=path)
+    raise InputError(_explain_exit(process.returncode), file=path)
 
 
-def _describe_exit(code: int) -> str:
+def _explain_exit(code: int) -> str:
     """Return why a process that has not answered is no more."""
     if code == -signal.SIGXCPU:
         return f"takes more than {CPU_TIME} s of processor time"
@@ -319,18 +318,20 @@ def _read_line(process: subprocess.Popen[bytes], deadline: float) -> bytes | Non
     return found
 
 
-def _find(question: Mapping[str, Any], finder: PackageFinder, folder: Path) -> Any:
+def _find(
+    question: Mapping[str, Any], finder: PackageFinder, folder: PlanFolder
+) -> Any:
     """Return the folder or the text that a launch file asks for, None for none."""
     if "expand" in question:
         try:
             file = Path(question["expand"])
-            return {"text": expand_xacro(file, question["arguments"], finder)}
+            return {"text": folder.expand(file, question["arguments"], finder)}
         except ArmDrakeError as error:
             return {"problem": str(error)}
     name = question.get("find", question.get("find_sources", ""))
     is_source = "find_sources" in question
     if name in PACKAGES and not is_source:
-        shown = folder / STOOD_FOR / name
+        shown = folder.path / STOOD_FOR / name
         shown.mkdir(parents=True, exist_ok=True)
         return str(shown)
     try:

@@ -43,8 +43,8 @@ from arm_drake.launch.substitutions import (
     LaunchError,
     PackageNotFoundError,
     current,
-    describe,
     perform,
+    read_description,
 )
 
 # Modules that have actions, substitutions and conditions, also those of which there
@@ -160,7 +160,7 @@ class _Document(minidom.Document):
         """Become what the file is with arguments, or raise LaunchError."""
         texts = {name: str(value) for name, value in (mappings or {}).items()}
         context = current()
-        self._text = context.expanded(context.describe(self.file, texts))
+        self._text = context.expanded(context.note_description(self.file, texts))
         self.childNodes[:] = []
         made = minidom.parseString(self._text)  # noqa: S318  expat fetches nothing.
         for node in list(made.childNodes):
@@ -210,7 +210,9 @@ class ParameterBuilder:
     def xacro_parameter(
         self, parameter_name: str, file_path: Any, mappings: Any = None
     ) -> Any:
-        self._values[parameter_name] = describe(self._package / file_path, mappings)
+        self._values[parameter_name] = read_description(
+            self._package / file_path, mappings
+        )
         return self
 
     def to_dict(self) -> dict[str, Any]:
@@ -304,7 +306,7 @@ _OF_AMENT = ("constants", "packages", "resources", "search_paths")
 _OF_MOVEIT = ("launches", "launch_utils", "substitutions", "moveit_configs_builder")
 
 
-def _describe_index(share: Callable[[str], str]) -> Mapping[str, Any]:
+def _make_index(share: Callable[[str], str]) -> Mapping[str, Any]:
     """Return what tells of the index of installed resources: packages are all of it."""
 
     def has_resource(resource_type: str, resource_name: str) -> Any:
@@ -330,7 +332,7 @@ def _describe_index(share: Callable[[str], str]) -> Mapping[str, Any]:
     }
 
 
-def _describe_modules() -> Mapping[str, Mapping[str, Any]]:
+def _list_modules() -> Mapping[str, Mapping[str, Any]]:
     """Return what modules of ROS hold, by their names."""
     from arm_drake.launch import moveit_configs
 
@@ -345,7 +347,7 @@ def _describe_modules() -> Mapping[str, Mapping[str, Any]]:
         "get_package_share_path": lambda name, print_warning=True: Path(share(name)),
         "get_package_prefix": lambda name: substitutions.prefix_of(name, share(name)),
         "get_packages_with_prefixes": dict,
-        **_describe_index(share),
+        **_make_index(share),
     }
     xacro = {
         "process_file": _process_file,
@@ -365,7 +367,7 @@ def _describe_modules() -> Mapping[str, Mapping[str, Any]]:
     builder = {
         "ParameterBuilder": ParameterBuilder,
         "load_yaml": _load_yaml,
-        "load_xacro": describe,
+        "load_xacro": read_description,
         "get_package_path": lambda name: Path(share(name)),
     }
     return {
@@ -391,7 +393,7 @@ def _describe_modules() -> Mapping[str, Mapping[str, Any]]:
 def _make_modules() -> dict[str, types.ModuleType]:
     """Return the modules that take the place of ROS's, by name."""
     modules = {}
-    for name, values in _describe_modules().items():
+    for name, values in _list_modules().items():
         module = modules[name] = types.ModuleType(name)
         module.__path__ = []
         vars(module).update(values)

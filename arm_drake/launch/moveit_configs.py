@@ -17,10 +17,10 @@ from arm_drake.launch.substitutions import (
     LaunchConfiguration,
     LaunchContext,
     Substitution,
-    describe,
     find_package,
     is_substitution,
     perform,
+    read_description,
 )
 
 # Where the controllers that a planner talks to are named.
@@ -89,14 +89,14 @@ class Xacro(Substitution):
             perform(context, name): perform(context, value)
             for name, value in self.mappings.items()
         }
-        return context.describe(perform(context, self.args[0]), texts)
+        return context.note_description(perform(context, self.args[0]), texts)
 
 
-def _describe(path: Path, mappings: Mapping[Any, Any] | None) -> Any:
+def _read_description(path: Path, mappings: Mapping[Any, Any] | None) -> Any:
     """Return what stands for a description, now or when its arguments are known."""
     if any(map(is_substitution, (*(mappings or {}), *(mappings or {}).values()))):
         return parameters.ParameterValue(Xacro(str(path), mappings), value_type=str)
-    return describe(path, mappings)
+    return read_description(path, mappings)
 
 
 class MoveItConfigs:
@@ -149,7 +149,7 @@ class MoveItConfigsBuilder:
             path = Path(package, urdf["relative_path"])
         if path.is_file():
             self._values["robot_description"] = {
-                self._parameter: _describe(path, mappings)
+                self._parameter: _read_description(path, mappings)
             }
         return self
 
@@ -159,7 +159,9 @@ class MoveItConfigsBuilder:
         srdf = self._setup.get("srdf") or self._setup.get("SRDF") or {}
         name = file_path or srdf.get("relative_path", f"config/{self._name}.srdf")
         self._values["robot_description_semantic"] = {
-            f"{self._parameter}_semantic": _describe(self._package / name, mappings)
+            f"{self._parameter}_semantic": _read_description(
+                self._package / name, mappings
+            )
         }
         return self
 

@@ -52,6 +52,16 @@ class PlanFolder:
         self.remove = weakref.finalize(
             self, shutil.rmtree, self.path, ignore_errors=True
         )
+        self._expansions: dict[tuple[Path, frozenset[tuple[str, str]]], str] = {}
+
+    def expand(
+        self, file: Path, arguments: Mapping[str, str], packages: PackageFinder
+    ) -> str:
+        """Return a xacro file's text, once expanded for all that look into it."""
+        key = packages.real(file), frozenset(arguments.items())
+        if key not in self._expansions:
+            self._expansions[key] = expand_xacro(file, arguments, packages)
+        return self._expansions[key]
 
 
 class Remapping(NamedTuple):
@@ -213,7 +223,8 @@ class LaunchedRobot:
         if not isinstance(self.source, Path):
             return Path.cwd() / TEXT, self.source
         packages = PackageFinder(self.source, tuple(package_paths))
-        return self.source, expand_xacro(self.source, self.xacro_args, packages)
+        expand = expand_xacro if self.folder is None else self.folder.expand
+        return self.source, expand(self.source, self.xacro_args, packages)
 
     def _variables_in(self, files: Sequence[Path]) -> dict[str, str]:
         """Return the values of what `$(var NAME)` asks for in some files."""

@@ -22,7 +22,6 @@ from arm_drake.description.links import Pose
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.description.sdf import is_sdf, moves_by_itself
-from arm_drake.description.xacro import expand_xacro
 from arm_drake.errors import DescriptionError, PackageError
 from arm_drake.importing import dataclass
 from arm_drake.launch.actions import join_names, split_ros_arguments
@@ -330,7 +329,7 @@ class Roles:
         role = find_role(package, executable)
         if role is None:
             name = f"{package}/{executable}"
-            self._not_started.append(_describe_node(record, self._finder, name))
+            self._not_started.append(_explain_node(record, self._finder, name))
             self._own_nodes.append((record, self._not_started[-1]))
         elif role.reads:
             getattr(self, f"_read_{role.reads}")(record)
@@ -360,12 +359,12 @@ class Roles:
         self._has_move_group = True
         values = _nest(_merge(record))
         text = values.get(f"{_TOPIC}_semantic")
-        found = self._describe(text, record) if isinstance(text, str) else None
+        found = self._find_description(text, record) if isinstance(text, str) else None
         if found is None:
             return
         text = found.source
         if isinstance(text, Path):
-            text = expand_xacro(text, found.arguments, self._finder)
+            text = self._folder.expand(text, found.arguments, self._finder)
         folder = self._folder.path / f"moveit_{len(self._parts.semantics)}"
         folder.mkdir()
         srdf = folder / "robot.srdf"
@@ -382,7 +381,7 @@ class Roles:
         name = name if len(name) <= _MAX_NAME else f"{name[:_MAX_NAME]} ..."
         self._not_started.append(NotStarted(name, kind))
 
-    def _describe(
+    def _find_description(
         self, text: str, record: Mapping[str, Any], topic: str = _TOPIC
     ) -> Description | None:
         """Return the description that a text stands for, if it is one."""
@@ -416,7 +415,7 @@ class Roles:
         if not isinstance(text, str):  # A file, in older versions.
             names = [n for n in record.get("arguments", ()) if n.endswith(".urdf")]
             text = _read_text(Path(names[0])) if names else ""
-        found = self._describe(text, record, topic)
+        found = self._find_description(text, record, topic)
         if found is None:
             what = "robot_state_publisher has no robot_description"
             self._add("warning", "missing", what, "it is left out", record)
@@ -444,7 +443,7 @@ class Roles:
             Manager(
                 name=join_names(record["namespace"], name),
                 namespace=record["namespace"],
-                description=self._describe(str(text), record),
+                description=self._find_description(str(text), record),
                 topic=join_names(record["namespace"], topic),
                 files=tuple(files),
                 remappings=tuple(remappings),
@@ -594,7 +593,7 @@ class Roles:
                     return
             description = Description("", record["namespace"], path, {})
         elif text is not None:
-            description = self._describe(text, record)
+            description = self._find_description(text, record)
         elif topic is None:
             name = option("entity", "name") or option("database") or "model"
             self._leave_out(f"{name} in the simulator", "model")
@@ -734,7 +733,7 @@ def _is_sdf(path: Path) -> bool:
         return "<sdf" in file.read(2000)
 
 
-def _describe_node(
+def _explain_node(
     record: Mapping[str, Any], finder: PackageFinder, name: str
 ) -> NotStarted:
     """Return a node of somebody's, with what it would do as far as its source says."""

@@ -142,7 +142,7 @@ class LaunchContext:
         text: str = self.whole(perform(self, substitution))
         return text
 
-    def describe(
+    def note_description(
         self, file: str, arguments: Mapping[str, str], *, ends_on_words: bool = False
     ) -> str:
         """Return the key of a xacro file with arguments.
@@ -309,11 +309,11 @@ def find_package(name: str) -> str:
     return current().find_package(name)
 
 
-def describe(path: Path, mappings: Mapping[str, Any] | None) -> str:
+def read_description(path: Path, mappings: Mapping[str, Any] | None) -> str:
     """Return a xacro file's text, with these arguments."""
     context = current()
     texts = {name: perform(context, value) for name, value in (mappings or {}).items()}
-    text: str = context.whole(context.describe(str(path), texts))
+    text: str = context.whole(context.note_description(str(path), texts))
     return text
 
 
@@ -371,7 +371,7 @@ class Command(Substitution):
         files = [w for w in words if ":=" not in w and not w.startswith("-")]
         if os.path.basename(program) in ("xacro", "xacro.py", "cat") and files:
             pairs = (word.partition(":=") for word in words if ":=" in word)
-            return context.describe(
+            return context.note_description(
                 files[0],
                 {name: v for name, _, v in pairs},
                 ends_on_words=on_stderr == "fail",

@@ -45,17 +45,6 @@ _GRIPPER_TIME = 1.0
 _PATIENCE, _STREAM = 5.0, 0.01
 
 
-class Goal(Protocol):
-    """What became of a goal: a GoalHandle."""
-
-    @property
-    def status(self) -> GoalStatus:
-        """What is known of it."""
-
-    def describe(self) -> str:
-        """Return it in words."""
-
-
 class Handle(Protocol):
     """What sends to a controller: a ControllerHandle."""
 
@@ -147,8 +136,10 @@ class Drive(NamedTuple):
     kind: str
     joints: tuple[str, ...]
 
-    def send(self, simulation: Runner, goal: Mapping[str, float]) -> None:
-        """Send joints somewhere [rad] or [m]."""
+    def send(
+        self, simulation: Runner, goal: Mapping[str, float], time: float = _GRIPPER_TIME
+    ) -> None:
+        """Send joints somewhere [rad] or [m]; a trajectory takes a time [s]."""
         handle = simulation.controller(self.controller)
         values = tuple(goal[name] for name in self.joints)
         if self.kind == "commands":
@@ -157,7 +148,7 @@ class Drive(NamedTuple):
             handle.send_goal(GripperCommand(values[0])).is_part = True
         else:
             point = JointTrajectoryPoint(
-                positions=values, time_from_start=Duration.of(_GRIPPER_TIME)
+                positions=values, time_from_start=Duration.of(time)
             )
             trajectory = JointTrajectory(joint_names=self.joints, points=(point,))
             handle.send_trajectory(trajectory)

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydrake.geometry import Box, SceneGraph
+from pydrake.geometry import Box, SceneGraph, SceneGraphInspector
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import RigidBody
 
@@ -251,9 +251,7 @@ class Hand:
 
     def palm(self) -> RigidTransform:
         """Return the pose of the palm in the world."""
-        plant = self.simulation.plant
-        model = plant.GetModelInstanceByName(self.robot.name)
-        return self._pose(plant.GetBodyByName(self.gripper.palm, model))
+        return self._pose(self._body(self.gripper.palm))
 
     def base(self) -> np.ndarray:
         """Return where the arm's first joint is in the world [m], shape (3,)."""
@@ -268,6 +266,16 @@ class Hand:
         """Return the pose of a thing in the palm."""
         return self.palm().inverse() @ self.pose_of(thing)
 
+    def _body(self, link: str) -> RigidBody:
+        plant = self.simulation.plant
+        model = plant.GetModelInstanceByName(self.robot.name)
+        return plant.GetBodyByName(link, model)
+
+    def _inspector(self) -> SceneGraphInspector:
+        scene_graph = self.simulation.diagram.GetSubsystemByName("scene_graph")
+        assert isinstance(scene_graph, SceneGraph)
+        return scene_graph.model_inspector()
+
     def _pose(self, body: RigidBody) -> RigidTransform:
         plant = self.simulation.plant
         context = plant.GetMyContextFromRoot(self.simulation.context)
@@ -277,17 +285,14 @@ class Hand:
         """Return the shape of a thing, and its pose on the body."""
         if self.seen is not None and self.seen.size is not None:
             return Box(self.seen.size), RigidTransform()
-        plant = self.simulation.plant
-        scene_graph = self.simulation.diagram.GetSubsystemByName("scene_graph")
-        assert isinstance(scene_graph, SceneGraph)
-        inspector = scene_graph.model_inspector()
         body = next(b for b in self._things() if b.name() == thing)
-        shapes = plant.GetCollisionGeometriesForBody(body)
+        shapes = self.simulation.plant.GetCollisionGeometriesForBody(body)
         if len(shapes) != 1:
             raise InputError(
                 f"thing {thing!r} has {len(shapes)} collision shapes; grasps are "
                 "found for one"
             )
+        inspector = self._inspector()
         shape = inspector.GetShape(shapes[0])
         return shape, RigidTransform(inspector.GetPoseInFrame(shapes[0]))
 
@@ -431,7 +436,7 @@ class Hand:
         except NoSolution as error:
             raise Failure("reach", str(error)) from None
         X = forward_kinematics(self.robot, solution.positions, palm)
-        miss = float((X.inverse() @ X_WP).rotation().ToAngleAxis().angle())
+        _, miss = distance(X, X_WP)
         if miss > (_TILT if len(joints) == _TURNING - 1 else _SKEW):
             text = f"the arm holds {palm!r} turned by {miss:.2f} rad there"
             raise Failure("reach", text)
@@ -442,15 +447,14 @@ class Hand:
         """Return how the robot's base has moved from where it was loaded."""
         if not self.robot.has_free_base:
             return RigidTransform()
-        plant, base = self.simulation.plant, self.robot.description.base
-        model = plant.GetModelInstanceByName(self.robot.name)
+        base = self.robot.description.base
         before = forward_kinematics(self.robot, self._positions(), base)
-        return self._pose(plant.GetBodyByName(base, model)) @ before.inverse()
+        return self._pose(self._body(base)) @ before.inverse()
 
     def _positions(self) -> dict[str, float]:
         """Return where the robot's independent joints are [rad] or [m]."""
         state = self.simulation.joint_states(self.robot.name)
-        own = {j.name for j in self.robot.description.movable_joints if not j.mimic}
+        own = {joint.name for joint in self.robot.description.independent_joints}
         rows = zip(state.name, state.position, strict=True)
         return {name: position for name, position in rows if name in own}
 
@@ -464,10 +468,8 @@ class Hand:
 
     def find_held(self) -> str | None:
         """Return the thing that both fingers press on, if any."""
-        plant = self.simulation.plant
-        model = plant.GetModelInstanceByName(self.robot.name)
         sides = [
-            {int(plant.GetBodyByName(link, model).index()) for link in links}
+            {int(self._body(link).index()) for link in links}
             for links in self.gripper.fingers
         ]
         touched: list[set[int]] = [set(), set()]
@@ -490,9 +492,7 @@ class Hand:
         for index in range(results.num_point_pair_contacts()):
             info = results.point_pair_contact_info(index)
             yield int(info.bodyA_index()), int(info.bodyB_index())
-        scene_graph = self.simulation.diagram.GetSubsystemByName("scene_graph")
-        assert isinstance(scene_graph, SceneGraph)
-        inspector = scene_graph.model_inspector()
+        inspector = self._inspector()
         for index in range(results.num_hydroelastic_contacts()):
             surface = results.hydroelastic_contact_info(index).contact_surface()
             one, other = (
@@ -612,8 +612,14 @@ class Hand:
         raise Failure(stage, "the fingers neither arrive nor stall")
 
 
+def distance(one: RigidTransform, other: RigidTransform) -> tuple[float, float]:
+    """Return how far poses are apart [m], and turned from each other [rad]."""
+    miss = one.inverse() @ other
+    angle = float(miss.rotation().ToAngleAxis().angle())
+    return float(np.linalg.norm(miss.translation())), angle
+
+
 def is_near(one: RigidTransform, other: RigidTransform) -> bool:
     """Return whether two poses are nearly the same."""
-    miss = one.inverse() @ other
-    near = float(np.linalg.norm(miss.translation())) < 1e-3
-    return near and float(miss.rotation().ToAngleAxis().angle()) < 0.05
+    away, turn = distance(one, other)
+    return away < 1e-3 and turn < 0.05

@@ -23,7 +23,14 @@ from arm_drake.manipulation.activities import (
     perform,
     read_options,
 )
-from arm_drake.manipulation.hand import Hand, PickOptions, Place, read_goal, shifted
+from arm_drake.manipulation.hand import (
+    Hand,
+    PickOptions,
+    Place,
+    distance,
+    read_goal,
+    shifted,
+)
 from arm_drake.manipulation.visual_servoing import PIXELS, find_label
 from arm_drake.perception.boxes import FoundBox, find_box
 from arm_drake.perception.cameras import CameraHandle
@@ -313,7 +320,7 @@ def _grasp(
     up = shifted(hand.palm(), [0.0, 0.0, lift])
     yield from hand.move(up, "lift", straight=True, ignore=[thing])
     end, lifted = hand.pose_in_palm(thing), hand.pose_of(thing).translation()[2]
-    away, turn = _distance(start, end)
+    away, turn = distance(start, end)
     if hand.find_held() != thing or lifted - height < 0.5 * lift:
         raise Failure("lift", f"{thing!r} was lost while it was lifted")
     if away > _SLIP or turn > _TURN:
@@ -331,13 +338,6 @@ def _give_up(hand: "Hand", thing: str) -> Activity[None]:
         yield from hand.draw_back(thing)
 
 
-def _distance(one: RigidTransform, other: RigidTransform) -> tuple[float, float]:
-    """Return how far poses are apart [m], and turned from each other [rad]."""
-    miss = one.inverse() @ other
-    angle = float(miss.rotation().ToAngleAxis().angle())
-    return float(np.linalg.norm(miss.translation())), angle
-
-
 def _place(hand: "Hand", target: Place) -> Activity[PlaceResult]:
     began = hand.simulation.time
     thing = hand.find_held()
@@ -349,7 +349,7 @@ def _place(hand: "Hand", target: Place) -> Activity[PlaceResult]:
     def result(reason: str, *, success: bool = False) -> PlaceResult:
         duration = hand.simulation.time - began
         X = hand.pose_of(thing)
-        misses = _distance(X, goal)
+        misses = distance(X, goal)
         return PlaceResult(thing, success, reason, X, *misses, *slip, duration)
 
     reasons: list[str] = []
@@ -366,7 +366,7 @@ def _place(hand: "Hand", target: Place) -> Activity[PlaceResult]:
         is_at_goal = True
         break
     # What stands on something too early is pushed back.
-    slip = max(slip, _distance(first, hand.pose_in_palm(thing)))
+    slip = max(slip, distance(first, hand.pose_in_palm(thing)))
     if not is_at_goal:
         return result(reasons[-1])
     try:
@@ -402,7 +402,7 @@ def _carry(
     yield from hand.move(above, "reach", attached=thing)
     if hand.find_held() != thing:
         raise Failure("lost", f"{thing!r} was lost on the way")
-    slip = _distance(first, hand.pose_in_palm(thing))
+    slip = distance(first, hand.pose_in_palm(thing))
     X_WP = X_WO @ hand.known_pose_in_palm(thing).inverse()
     yield from hand.move(X_WP, "lower", straight=True, ignore=[thing])
     return slip

@@ -23,13 +23,13 @@ from arm_drake.errors import InputError, quoted, suggest
 from arm_drake.importing import dataclass
 from arm_drake.manipulation.activities import (
     Activity,
+    Drive,
     Runner,
     choose_robot,
     is_positive,
     perform,
     read_options,
 )
-from arm_drake.messages import Duration, JointTrajectory, JointTrajectoryPoint
 from arm_drake.perception.cameras import CameraHandle
 from arm_drake.planning.groups import find_group, joints_of, takes_positions
 from arm_drake.planning.timing import motion_limits
@@ -261,8 +261,8 @@ class Servo:
         self._link = link
         group = options.group
         wanted = None if group is None else find_group(self.robot, group).joints
-        controller, self.joints, self._kind = _find_controller(self.robot, link, wanted)
-        self._controller = f"{prefix}{controller}"
+        self._drive = _find_drive(self.robot, prefix, link, wanted)
+        self.joints = self._drive.joints
         self.thing, self._label = find_label(self.camera, thing)
         if options.distance is not None and not self.camera.has("depth"):
             text = f"camera {camera!r} measures none"
@@ -332,15 +332,8 @@ class Servo:
         """Send the joints to where the law has them in a period."""
         step = self._step(seen)
         self._command = np.clip(self._command + step, self._lower, self._upper)
-        handle = self.simulation.controller(self._controller)
-        if self._kind == "commands":
-            handle.command(self._command.tolist())
-            return
-        point = JointTrajectoryPoint(
-            tuple(self._command.tolist()), time_from_start=Duration.of(self.period)
-        )
-        trajectory = JointTrajectory(joint_names=self.joints, points=(point,))
-        handle.send_trajectory(trajectory)
+        goal = dict(zip(self.joints, self._command.tolist(), strict=True))
+        self._drive.send(self.simulation, goal, self.period)
 
     def _step(self, seen: Feature) -> Array:
         """Return by how much joints move in a period [rad] or [m], shape (n,)."""
@@ -416,10 +409,10 @@ def find_label(camera: CameraHandle, thing: str) -> tuple[str, int]:
     return thing, names.index(ends[0])
 
 
-def _find_controller(
-    robot: Robot, link: str, wanted: tuple[str, ...] | None
-) -> tuple[str, tuple[str, ...], str]:
-    """Return the controller that moves a camera, its joints, and how it is sent to.
+def _find_drive(
+    robot: Robot, prefix: str, link: str, wanted: tuple[str, ...] | None
+) -> Drive:
+    """Return the controller that moves a camera; names begin with the prefix.
 
     It is that of exactly the joints that are asked for, else the one of most joints
     that carry the camera's link.
@@ -432,7 +425,8 @@ def _find_controller(
         is_meant = bool(moved) if wanted is None else set(names) == set(wanted)
         if is_meant and (is_forward or is_trajectory):
             kind = "trajectory" if is_trajectory else "commands"
-            found.append((moved, is_trajectory, (controller.name, names, kind)))
+            drive = Drive(f"{prefix}{controller.name}", kind, names)
+            found.append((moved, is_trajectory, drive))
     if not found:
         known = [each.name for each in robot.controllers.controllers]
         order = [j.name for j in robot.description.joints if j.name in carriers]

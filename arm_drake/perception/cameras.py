@@ -16,7 +16,7 @@ Ogre2DepthCamera.cc for the near plane.
 
 import math
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, Final, NamedTuple
 
@@ -501,23 +501,18 @@ def _limit(depths: Array, limits: tuple[float, float]) -> Array:
     return depths
 
 
-class CameraHandle(SensorHandle):
+class CameraHandle(SensorHandle[Camera]):
     """What a camera sees now; `Simulation.camera` makes it."""
-
-    def __init__(self, camera: Camera, find_context: Callable[[], Context]) -> None:
-        """Create it; the function returns the diagram's context, as it is then."""
-        super().__init__(camera, find_context)
-        self._camera = camera
 
     @property
     def sensor(self) -> CameraSensor:
         """The camera as described."""
-        return self._camera.sensor
+        return self._system.sensor
 
     @property
     def info(self) -> CameraInfo:
         """How it projects."""
-        return self._camera.info
+        return self._system.info
 
     def color(self) -> NDArray[np.uint8]:
         """Return a picture, red, green and blue, shape (height, width, 3).
@@ -545,7 +540,7 @@ class CameraHandle(SensorHandle):
 
     def has(self, what: str) -> bool:
         """Return whether it takes pictures of a kind: "color", "depth" or "labels"."""
-        return what in self._camera.kinds
+        return what in self._system.kinds
 
     def labels(self) -> NDArray[np.uint16]:
         """Return what each pixel shows, shape (height, width), as `label_names` says.
@@ -560,7 +555,7 @@ class CameraHandle(SensorHandle):
     def label_names(self) -> tuple[str, ...]:
         """Names of what labels mean: links, "<robot>::<link>", and things."""
         self.labels()
-        return self._camera.label_names
+        return self._system.label_names
 
     @property
     def label_colors(self) -> dict[str, tuple[int, int, int]]:
@@ -570,7 +565,7 @@ class CameraHandle(SensorHandle):
             ArmDrakeError: As `color`.
         """
         seen = np.unique(self.labels())
-        names = self._camera.label_names
+        names = self._system.label_names
         colors = color_labels(seen).tolist()
         return {names[n]: (r, g, b) for n, (r, g, b) in zip(seen, colors, strict=True)}
 
@@ -584,7 +579,7 @@ class CameraHandle(SensorHandle):
             InputError: If the camera measures no depths, or there is no such frame.
             ArmDrakeError: As `color`.
         """
-        points = project(self.depth(), self._camera.lens.rays).reshape(-1, 3)
+        points = project(self.depth(), self._system.lens.rays).reshape(-1, 3)
         seen = points[np.isfinite(points[:, 2])].astype(np.float64)
         if frame == "optical":
             return seen
@@ -602,7 +597,7 @@ class CameraHandle(SensorHandle):
             InputError: If it has no such picture.
             ArmDrakeError: As `color`.
         """
-        pixels = self._take(what or self._camera.kinds[0])
+        pixels = self._take(what or self._system.kinds[0])
         if pixels.ndim == 3:
             return pixels
         return (
@@ -617,6 +612,6 @@ class CameraHandle(SensorHandle):
         if not self.has(kind):
             raise InputError(
                 f"camera {self.sensor.name!r} is a {self.sensor.kind} camera and has "
-                f"no {kind}; it has {', '.join(self._camera.kinds)}"
+                f"no {kind}; it has {', '.join(self._system.kinds)}"
             )
-        return self._camera.take(self._own_context(), kind)
+        return self._system.take(self._own_context(), kind)

@@ -211,16 +211,18 @@ def make_cloud(
         red, green, blue = (colors[..., i].astype(np.uint32) for i in range(3))
         packed = (red << 16) | (green << 8) | blue
         numbers[..., 3] = packed.astype("<u4").view("<f4")
+    return _pack(header, numbers, _POINT_FIELDS[:count])
+
+
+def _pack(
+    header: Header, numbers: NDArray[Any], fields: tuple[PointField, ...]
+) -> PointCloud2:
+    """Return points with their fields, shape (height, width, n), as a message."""
+    height, width, count = numbers.shape
+    is_dense = bool(np.isfinite(numbers[..., :3]).all())
+    data, size = numbers.tobytes(), 4 * count
     return PointCloud2(
-        header,
-        height,
-        width,
-        _POINT_FIELDS[:count],
-        False,
-        4 * count,
-        4 * count * width,
-        numbers.tobytes(),
-        bool(np.isfinite(points).all()),
+        header, height, width, fields, False, size, size * width, data, is_dense
     )
 
 
@@ -233,15 +235,12 @@ def make_ray_cloud(
     """
     height, width = points.shape[:2]
     fields = _RAY_FIELDS if has_rings else _RAY_FIELDS[:4]
-    size = 4 * len(fields)
     numbers = np.zeros((height, width, len(fields)), "<f4")
     numbers[..., :3] = points
     if has_rings:
         rings = np.arange(height, dtype="<u4").view("<f4")
         numbers[..., 4] = rings[:, None]
-    is_dense = bool(np.isfinite(points).all())
-    data, row = numbers.tobytes(), size * width
-    return PointCloud2(header, height, width, fields, False, size, row, data, is_dense)
+    return _pack(header, numbers, fields)
 
 
 def to_points(cloud: PointCloud2) -> NDArray[np.float32]:

@@ -11,7 +11,7 @@ gazebo_ros_ray_sensor.cpp; ros_gz_bridge, src/convert/sensor_msgs.cpp; REP 117.
 
 import importlib.util
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -469,23 +469,18 @@ class Lidar(SensorSystem):
         )
 
 
-class LidarHandle(SensorHandle):
+class LidarHandle(SensorHandle[Lidar]):
     """What a lidar measures now; `Simulation.lidar` makes it."""
-
-    def __init__(self, lidar: Lidar, find_context: Callable[[], Context]) -> None:
-        """Create it; the function returns the diagram's context, as it is then."""
-        super().__init__(lidar, find_context)
-        self._lidar = lidar
 
     @property
     def sensor(self) -> LidarSensor:
         """The lidar as described."""
-        return self._lidar.sensor
+        return self._system.sensor
 
     @property
     def directions(self) -> NDArray[np.float64]:
         """Unit vectors of the rays, x ahead, shape (vertical, horizontal, 3)."""
-        return self._lidar.directions.copy()
+        return self._system.directions.copy()
 
     def ranges(self) -> NDArray[np.float64]:
         """Return distances [m], shape (vertical, horizontal).
@@ -512,8 +507,8 @@ class LidarHandle(SensorHandle):
             raise InputError(f"frame: expected 'world' or 'sensor', got {frame!r}")
         ranges = self._eval()
         seen = np.isfinite(ranges)
-        points = ranges[seen][:, None] * self._lidar.directions[seen]
+        points = ranges[seen][:, None] * self._system.directions[seen]
         return self._in_world(points) if frame == "world" else np.asarray(points)
 
     def _eval(self) -> Any:
-        return self._lidar.ranges(self._own_context())
+        return self._system.ranges(self._own_context())

@@ -7,7 +7,7 @@ import math
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple, TypeVar, get_args
+from typing import Any, Final, Generic, NamedTuple, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -186,12 +186,13 @@ def _nanoseconds(context: Context) -> int:
     return round(context.get_time() * 1e9)
 
 
-class SensorHandle:
+_Sensor = TypeVar("_Sensor", bound=SensorSystem)
+
+
+class SensorHandle(Generic[_Sensor]):
     """What a sensor measures now."""
 
-    def __init__(
-        self, system: SensorSystem, find_context: Callable[[], Context]
-    ) -> None:
+    def __init__(self, system: _Sensor, find_context: Callable[[], Context]) -> None:
         """Create it; the function returns the diagram's context, as it is then."""
         self._system = system
         self._find_context = find_context
@@ -213,9 +214,6 @@ class SensorHandle:
         """Return points of the sensor's own frame in the world, shape (n, 3)."""
         X_WM = self.pose
         return np.asarray(points @ X_WM.rotation().matrix().T + X_WM.translation())
-
-
-_Sensor = TypeVar("_Sensor", bound=SensorSystem)
 
 
 def find_sensor(

@@ -278,18 +278,15 @@ def find_position_controller(
 
 def find_receiver(robot: Robot, group: PlanningGroup) -> str:
     """Return the controller that moves a group as planned, or raise InputError."""
-    controller = find_controller(robot, group)
-    if controller is None:
-        forward = find_position_controller(robot, group)
-        if forward is not None:
-            return forward[0]
-        names = [each.name for each in robot.controllers.controllers]
-        raise InputError(
-            f"no trajectory controller has exactly the joints of group "
-            f"{group.name!r}, {quoted(group.joints)}; there are "
-            f"{quoted(names) or 'none'}"
-        )
-    return controller
+    if (controller := find_controller(robot, group)) is not None:
+        return controller
+    if (forward := find_position_controller(robot, group)) is not None:
+        return forward[0]
+    names = [each.name for each in robot.controllers.controllers]
+    raise InputError(
+        f"no trajectory controller has exactly the joints of group {group.name!r}, "
+        f"{quoted(group.joints)}; there are {quoted(names) or 'none'}"
+    )
 
 
 def joints_of(controller: ControllerConfig) -> tuple[str, ...]:
@@ -346,7 +343,6 @@ def _states(
             states.setdefault(state.name, positions)
     middle = center(joint_ranges(robot.description))
     initial = robot.initial_positions
-    states.setdefault("initial", {name: initial[name] for name in names})
-    states.setdefault("home", {name: initial[name] for name in names})
-    states.setdefault("center", {name: middle[name] for name in names})
+    for name, known in (("initial", initial), ("home", initial), ("center", middle)):
+        states.setdefault(name, {joint: known[joint] for joint in names})
     return states

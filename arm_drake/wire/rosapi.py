@@ -23,10 +23,9 @@ class Bridge(Protocol):
 
     server: RosServer
 
-    # Types of what clients advertise, by topic; and what they serve, which has a type.
+    # Types of what clients advertise, by topic; what they serve, by kind and name.
     topics: dict[str, str]
-    services: dict[str, Any]
-    actions: dict[str, Any]
+    served: dict[str, dict[str, Any]]
 
     def ask(
         self, client: Any, content: dict[str, Any], name: str, fields: Any, reply: Reply
@@ -69,11 +68,11 @@ class RosApi:
 
     def services(self) -> dict[str, str]:
         """Return the types of all services by name."""
-        return _types(self.graph.services) | _types(self.bridge.services)
+        return _types(self.graph.services) | _types(self.bridge.served["service"])
 
     def actions(self) -> dict[str, str]:
         """Return the types of all actions by name."""
-        return _types(self.graph.actions) | _types(self.bridge.actions)
+        return _types(self.graph.actions) | _types(self.bridge.served["action"])
 
     def typedefs(self, type_: str) -> list[dict[str, Any]]:
         """Return what a type is made of, and the types in it."""

@@ -5,11 +5,12 @@ Source: RobotWebTools/rosbridge_suite, ROSBRIDGE_PROTOCOL.md (3.1 to 3.4).
 
 import asyncio
 import collections
+import functools
 import json
 import socket
 import time
 import uuid
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 from urllib.parse import urlsplit
 
@@ -294,8 +295,8 @@ class Rosbridge:
         # the last message of those that are latched.
         self.topics: dict[str, str] = {}
         self._latched: dict[str, dict[str, Any]] = {}
-        self.services: dict[str, _Served] = {}
-        self.actions: dict[str, _Served] = {}
+        # What they serve, by its kind and name.
+        self.served: dict[str, dict[str, _Served]] = {"service": {}, "action": {}}
         self._calls: dict[str, _Waiting] = {}
         self._http: tornado.httpserver.HTTPServer | None = None
         self._pending: set[Client] = set()
@@ -389,7 +390,7 @@ class Rosbridge:
         """Forget a client that has gone."""
         self.clients.discard(client)
         self._pending.discard(client)
-        for served in (self.services, self.actions):
+        for served in self.served.values():
             for name in [n for n, each in served.items() if each.client is client]:
                 del served[name]
         for key, waiting in list(self._calls.items()):
@@ -530,8 +531,8 @@ class Rosbridge:
             args = content.get("args") or {}
             call_rosapi(self, client, name, args, reply, content)
             return
-        if name in self.services:
-            self._call_client(self.services[name].client, client, name, content)
+        if name in (served := self.served["service"]):
+            self._call_client(served[name].client, client, name, content)
             return
         service = self.server.graph.service(name)
         args = _arguments(content, f"{service.type}_Request", self)
@@ -569,19 +570,12 @@ class Rosbridge:
         values, is_done = content.get("values"), bool(content.get("result", True))
         waiting.client.send(_response(waiting.request, values, is_done=is_done))
 
-    def _do_advertise_service(self, client: Client, content: dict[str, Any]) -> None:
-        own = self.server.graph.services
-        _advertise(self.services, own, "service", client, content)
-
-    def _do_unadvertise_service(self, client: Client, content: dict[str, Any]) -> None:
-        _unadvertise(self.services, "service", client, content)
-
     def _do_send_goal(self, client: Client, content: dict[str, Any]) -> None:
         name, id_ = _name(content, "action"), content.get("id")
         if not isinstance(id_, str):
             raise InputError("send_action_goal: expected id, a text")
-        if name in self.actions:
-            provider = self.actions[name].client
+        if name in (served := self.served["action"]):
+            provider = served[name].client
             key = f"{id_}:{uuid.uuid4().hex}"
             self._calls[key] = _Waiting(client, content, provider)
             provider.send({**content, "id": key})
@@ -629,12 +623,6 @@ class Rosbridge:
         goal = f"{client.sender} {id_}"
         self._submit(client, content, "cancel", name, {}, goal_id=goal)
 
-    def _do_advertise_action(self, client: Client, content: dict[str, Any]) -> None:
-        _advertise(self.actions, self.server.graph.actions, "action", client, content)
-
-    def _do_unadvertise_action(self, client: Client, content: dict[str, Any]) -> None:
-        _unadvertise(self.actions, "action", client, content)
-
     def _do_from_server(self, client: Client, content: dict[str, Any]) -> None:
         """Pass on what a client says of a goal of another one."""
         key = str(content.get("id"))
@@ -674,6 +662,26 @@ class Rosbridge:
         self.do(client, inner)
 
 
+def _advertise(
+    kind: str, bridge: Rosbridge, client: Client, content: dict[str, Any]
+) -> None:
+    """Let a client serve what the simulation doesn't serve itself."""
+    name, graph = _name(content, kind), bridge.server.graph
+    if name in (graph.services if kind == "service" else graph.actions):
+        raise InputError(f"{kind} {name!r} is the simulation's own")
+    bridge.served[kind][name] = _Served(str(content.get("type", "")), client)
+
+
+def _unadvertise(
+    kind: str, bridge: Rosbridge, client: Client, content: dict[str, Any]
+) -> None:
+    """Let a client serve something no longer."""
+    name, served = _name(content, kind), bridge.served[kind]
+    if name not in served or served[name].client is not client:
+        raise InputError(f"{kind} {name!r} isn't this client's")
+    del served[name]
+
+
 _SUCCEEDED = 4
 
 _OPERATIONS: Mapping[str, Callable[[Rosbridge, Client, dict[str, Any]], None]] = {
@@ -684,12 +692,12 @@ _OPERATIONS: Mapping[str, Callable[[Rosbridge, Client, dict[str, Any]], None]] =
     "publish": Rosbridge._do_publish,
     "call_service": Rosbridge._do_call_service,
     "service_response": Rosbridge._do_service_response,
-    "advertise_service": Rosbridge._do_advertise_service,
-    "unadvertise_service": Rosbridge._do_unadvertise_service,
+    "advertise_service": functools.partial(_advertise, "service"),
+    "unadvertise_service": functools.partial(_unadvertise, "service"),
     "send_action_goal": Rosbridge._do_send_goal,
     "cancel_action_goal": Rosbridge._do_cancel_goal,
-    "advertise_action": Rosbridge._do_advertise_action,
-    "unadvertise_action": Rosbridge._do_unadvertise_action,
+    "advertise_action": functools.partial(_advertise, "action"),
+    "unadvertise_action": functools.partial(_unadvertise, "action"),
     "action_feedback": Rosbridge._do_from_server,
     "action_result": Rosbridge._do_from_server,
     "set_level": Rosbridge._do_set_level,
@@ -706,30 +714,6 @@ def _name(content: Mapping[str, Any], field: str) -> str:
     if not isinstance(name, str) or not name.strip("/") or len(name) > 500:
         raise InputError(f"{content.get('op')}: expected {field}, a name")
     return f"/{name.strip('/')}"
-
-
-def _advertise(
-    served: dict[str, _Served],
-    own: Collection[str],
-    kind: str,
-    client: Client,
-    content: Mapping[str, Any],
-) -> None:
-    """Let a client serve what the simulation doesn't serve itself."""
-    name = _name(content, kind)
-    if name in own:
-        raise InputError(f"{kind} {name!r} is the simulation's own")
-    served[name] = _Served(str(content.get("type", "")), client)
-
-
-def _unadvertise(
-    served: dict[str, _Served], kind: str, client: Client, content: Mapping[str, Any]
-) -> None:
-    """Let a client serve something no longer."""
-    name = _name(content, kind)
-    if name not in served or served[name].client is not client:
-        raise InputError(f"{kind} {name!r} isn't this client's")
-    del served[name]
 
 
 def _number(content: Mapping[str, Any], field: str) -> float:

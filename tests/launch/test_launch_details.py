@@ -2,12 +2,14 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 
 import arm_drake as ad
 from arm_drake.cli import main
+from arm_drake.description.xacro import expand_xacro
 from arm_drake.errors import ArmDrakeError, InputError, PackageError
 from arm_drake.launch.launch_files import load_arguments
 from tests.launch.packages import describe, make_package, write_launch
@@ -438,6 +440,31 @@ def test_a_description_that_is_only_passed_on_is_not_expanded(package: Path) -> 
 
     with pytest.raises(ArmDrakeError, match="no such file or folder"):
         plan.load_scene()
+
+
+def test_a_description_is_expanded_once_for_all_that_look_into_it(
+    package: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expanded = []
+
+    def expand(file: Path, *others: Any) -> str:
+        expanded.append(file.name)
+        return expand_xacro(file, *others)
+
+    monkeypatch.setattr("arm_drake.launch.robot.expand_xacro", expand)
+    before = """
+    import xacro
+
+    def start(context):
+        made = xacro.process_file(XACRO[1]).toxml()
+        return [LogInfo(msg=str(Command(XACRO).perform(context) == made))]
+    """
+    path = describe(package, "publisher(), OpaqueFunction(function=start),", before)
+
+    plan = ad.load_launch(path)
+
+    assert "True; so says" in str(plan.report)
+    assert expanded == ["pendulum.urdf.xacro"]
 
 
 def test_a_key_that_no_description_has_is_a_text(package: Path) -> None:

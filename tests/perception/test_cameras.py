@@ -494,7 +494,7 @@ def test_meshes_that_move_together_are_drawn_as_one(
     def shoot() -> tuple[Scenery, Any, Any, Any]:
         robot = ad.add_camera(load(), "world", (-1.0, 0.1, 0.5, 0, 0, 0), name="all")
         camera = ad.Simulation(ad.build_diagram(robot, world=world)).camera("all")
-        scenery = camera._camera.scenery
+        scenery = camera._system.scenery
         return scenery, camera.color(), camera.depth(), camera.labels()
 
     scenery, *joined = shoot()
