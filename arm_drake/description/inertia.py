@@ -26,6 +26,7 @@ from arm_drake.description.links import (
     ShapeInfo,
     Transform,
 )
+from arm_drake.description.meshes.surfaces import decode_surface
 from arm_drake.description.report import LoadReport, Severity
 from arm_drake.errors import quoted
 from arm_drake.importing import dataclass
@@ -191,17 +192,11 @@ def _mesh_solid(filename: str) -> Inertial | None:
     path = Path(unquote(url.path))
     if url.scheme != "file" or not path.is_file():
         return None
-    text = path.read_text(encoding="utf-8")
+    content = path.read_bytes()
     if path.suffix == ".obj":
-        lines = text.splitlines()
-        vertices, faces = (
-            np.fromstring(
-                " ".join(line[2:] for line in lines if line[:2] == key), sep=" "
-            )
-            for key in ("v ", "f ")
-        )
-        return polyhedron(vertices.reshape(-1, 3), faces.astype(int).reshape(-1, 3) - 1)
-    document = json.loads(text)
+        (surface,) = decode_surface(content)
+        return polyhedron(surface.vertices, surface.faces)
+    document = json.loads(content)
     primitives = [p for mesh in document["meshes"] for p in mesh["primitives"]]
     places = [document["accessors"][p["attributes"]["POSITION"]] for p in primitives]
     lower = np.min([place["min"] for place in places], axis=0)
