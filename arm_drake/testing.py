@@ -1,5 +1,6 @@
 """Claims about many runs, for tests: `assert_success_rate`."""
 
+import bisect
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -85,14 +86,11 @@ def _succeeded(result: RunResult[Any], succeeds: Callable[[Any], bool] | None) -
 
 def _find_needed(at_least: float, confidence: float) -> int:
     """Return how few runs can show a rate."""
-    low, high = 0, 1
-    while high < _MOST_RUNS and most_failures(high, at_least, confidence) < 0:
-        low, high = high, 2 * high
-    while high - low > 1:
-        middle = (low + high) // 2
-        shows = most_failures(middle, at_least, confidence) >= 0
-        low, high = (low, middle) if shows else (middle, high)
-    return high
+
+    def shows(number: int) -> bool:
+        return rate_interval(number, number, confidence, sides=1).low >= at_least
+
+    return 1 + bisect.bisect_left(range(1, _MOST_RUNS), True, key=shows)
 
 
 def _explain(

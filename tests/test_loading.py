@@ -300,13 +300,22 @@ def test_prefixes_that_nobody_declares_are_no_mistake_as_for_ros(tmp_path, is_fi
     limit = 'lower="-1" drake:acceleration="2"'
     group = '<drake:group name="g"/><!-- <a:b/> http://c.d -->'
     text = ARM.replace('lower="-1"', limit).format(more=group)
-    text = f"<!-- made by xacro from <robot> -->\n{text}"
+    text = f"<!-- made by xacro from <robot> -->\n<!DOCTYPE robot>\n{text}"
     file = tmp_path / "arm.urdf"
     file.write_text(text)
 
     robot = ad.load_robot(file if is_file else text)
 
     assert robot.description.joint("j").limits.range == (-1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    "elsewhere", ["<!-- xmlns:s='u' -->", "<gazebo><s:a xmlns:s='u'/></gazebo>"]
+)
+def test_a_prefix_that_is_declared_elsewhere_alone_is_no_mistake(elsewhere):
+    robot = ad.load_robot(ARM.format(more=f"{elsewhere}<gazebo><s:b/></gazebo>"))
+
+    assert robot.description.movable_joints[0].name == "j"
 
 
 @pytest.mark.parametrize("is_given", [True, False])
@@ -630,6 +639,14 @@ def test_the_one_file_in_the_packages_config_folder_is_loaded(package):
     file = controllers_with(package)
     write(package / "config" / "rviz.yaml", "panels: []")
     (package / "config" / "folder.yaml").mkdir()
+
+    assert ad.load_robot(package).controllers.files == (file,)
+
+
+def test_a_file_with_a_manager_comes_before_one_for_all_nodes(package):
+    file = controllers_with(package)
+    more = "/**:\n  ros__parameters:\n    beat:\n      type: some_plugins/Beat\n"
+    write(package / "config" / "plugins.yaml", more)
 
     assert ad.load_robot(package).controllers.files == (file,)
 

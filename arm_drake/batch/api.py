@@ -377,13 +377,10 @@ def _write(text: str) -> None:
 
 def _can_overwrite() -> bool:
     """Return whether standard error is a terminal, or a notebook's."""
+    is_notebook = type(sys.stderr).__module__.startswith("ipykernel")
     with contextlib.suppress(AttributeError, ValueError):
-        return sys.stderr.isatty() or _is_notebook()
+        return sys.stderr.isatty() or is_notebook
     return False
-
-
-def _is_notebook() -> bool:
-    return type(sys.stderr).__module__.startswith("ipykernel")
 
 
 Input = TypeVar("Input")
@@ -633,7 +630,7 @@ class _Execution:
         num_workers = _check_workers(how.workers)
         limits = _check_limits(how)
         function = _check_function(self._items, function, keep)
-        self._store = self._open(how.to)
+        self._store = None if how.to is None else RunStore(how.to, self._items)
         done = {} if self._store is None else self._store.done
         # Places of the runs that are left.
         self._left = [i for i in range(self.num_runs) if i not in done]
@@ -655,12 +652,6 @@ class _Execution:
     def why(self) -> str:
         """One line: why runs are where they are, as far as that is known yet."""
         return self.choice.why + self._resumed
-
-    def _open(self, path: str | Path | None) -> RunStore | None:
-        if path is None:
-            return None
-        # Not at the top: who keeps no file needs none.
-        return RunStore(path, self._items)
 
     def __iter__(self) -> Iterator[RunResult[Any]]:
         if self._store is not None:

@@ -61,8 +61,8 @@ def find_pids(robot: Robot, controller: str | None = None) -> list[Pid]:
     InputError if there is no such controller.
     """
     names = [each.name for each in robot.controllers.controllers]
-    if controller is not None and controller not in names:
-        raise InputError(f"no controller {controller!r}; {suggest(controller, names)}")
+    if controller is not None:
+        check_known("controller", controller, names)
     found: dict[str, Pid] = {}
     for config in robot.controllers.controllers:
         if controller in (None, config.name):
@@ -248,8 +248,8 @@ def _scale_joints(robot: Robot, field: str, joint: str, factor: float) -> Robot:
     """Return a robot with more or less friction in a joint, or in all."""
     description = robot.description
     names = [each.name for each in description.movable_joints]
-    if joint and joint not in names:
-        raise InputError(f"no joint {joint!r}; {suggest(joint, names)}")
+    if joint:
+        check_known("joint", joint, names)
     if not 0.0 <= factor < math.inf:
         raise InputError(f"expected a factor of at least 0, got {factor:g}")
     joints = tuple(

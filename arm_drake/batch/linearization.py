@@ -128,6 +128,7 @@ class _Input(NamedTuple):
 
     controller: str
     joints: tuple[str, ...]
+    topics: ControllerTopics
 
     # Makes port and message of positions in the joints' order; None where targets are
     # set in the controller's state.
@@ -299,9 +300,9 @@ class _Loop:
     def _apply(self, context: Context, input_: _Input, values: Sequence[float]) -> None:
         """Have a controller be told positions at its next tick."""
         if input_.make is not None:
-            port, message = input_.make(values)
-            value = AbstractValue.Make((message,))
-            self.simulation.diagram.GetInputPort(port).FixValue(context, value)
+            own, message = input_.make(values)
+            port = self.simulation.diagram.GetInputPort(input_.topics.exported_as(own))
+            port.FixValue(context, AbstractValue.Make((message,)))
             return
         path = ("ticks", input_.controller, "state", "targets")
         state = _with(self._state_of(context), path, np.array(values))
@@ -412,7 +413,7 @@ def _input_of(name: str, topics: ControllerTopics) -> _Input | None:
     system = topics.system
     if isinstance(system, JointPositionController):
         joints = tuple(each.split("/")[-2] for each in system.state_interfaces)
-        return _Input(name, joints, None)
+        return _Input(name, joints, topics, None)
     if system.HasInputPort(TOPIC):
         joints = tuple(
             dict.fromkeys(each.split("/")[-2] for each in system.command_interfaces)
@@ -421,10 +422,9 @@ def _input_of(name: str, topics: ControllerTopics) -> _Input | None:
         def follow(values: Sequence[float]) -> tuple[str, Message]:
             point = JointTrajectoryPoint(tuple(values))
             made = JointTrajectory(joint_names=joints, points=(point,))
-            port, message = topics.make_trajectory(made)
-            return topics.exported_as(port), message
+            return topics.make_trajectory(made)
 
-        return _Input(name, joints, follow)
+        return _Input(name, joints, topics, follow)
     interfaces = system.reference_interfaces or system.command_interfaces
     if not interfaces or any(
         each.rpartition("/")[2] != POSITION for each in interfaces
@@ -432,12 +432,8 @@ def _input_of(name: str, topics: ControllerTopics) -> _Input | None:
         return None
     if not (system.HasInputPort(COMMANDS) or system.HasInputPort(REFERENCE)):
         return None
-
-    def command(values: Sequence[float]) -> tuple[str, Message]:
-        port, message = topics.make_command(values)
-        return topics.exported_as(port), message
-
-    return _Input(name, tuple(each.split("/")[-2] for each in interfaces), command)
+    joints = tuple(each.split("/")[-2] for each in interfaces)
+    return _Input(name, joints, topics, topics.make_command)
 
 
 def _references(state: Any, count: int) -> Array:

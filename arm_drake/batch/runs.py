@@ -483,12 +483,7 @@ class RunsInterrupted(KeyboardInterrupt, Generic[Value]):
     """Ctrl-C while runs were under way; what was finished is here."""
 
     def __init__(self, results: Iterable[RunResult[Value]], num_runs: int) -> None:
-        """Create it.
-
-        Args:
-            results: Of the runs that were finished, in input order.
-            num_runs: How many there were to be.
-        """
+        """Create it for the runs that were finished, of how many."""
         self.results = tuple(results)
         super().__init__(f"{len(self.results)} of {num_runs} runs were finished")
 

@@ -1,5 +1,6 @@
 """Intervals of what many runs tell: of a rate, and of a mean."""
 
+import bisect
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -58,12 +59,12 @@ def mean_interval(values: Sequence[float], confidence: float = 0.95) -> Interval
 
 def most_failures(number: int, at_least: float, confidence: float) -> int:
     """Return how many of some runs may fail for a rate to be shown; -1 if none may."""
-    low, high = -1, number
-    while high - low > 1:
-        middle = (low + high) // 2
-        found = rate_interval(number - middle, number, confidence, sides=1)
-        low, high = (middle, high) if found.low >= at_least else (low, middle)
-    return low
+
+    def is_too_many(failures: int) -> bool:
+        found = rate_interval(number - failures, number, confidence, sides=1)
+        return found.low < at_least
+
+    return bisect.bisect_left(range(number), True, key=is_too_many) - 1
 
 
 def check_confidence(confidence: float) -> None:

@@ -279,14 +279,6 @@ def _count(value: Value, least: float = 1.0) -> int:
     return int(number)
 
 
-def _seed(value: Value) -> int:
-    return _count(value, 0.0)
-
-
-def _duration(value: Value) -> float:
-    return value.number(0.0, is_open=True)
-
-
 def _read_measures(value: Value) -> "Measures":
     found: list[tuple[str, str | bytes]] = []
     for each in value.list():
@@ -323,10 +315,10 @@ def _load_measure(value: Value, file: str, name: str) -> bytes:
 
 _READERS: Mapping[str, Callable[[Value], Any]] = {
     "world": read_world,
-    "duration": _duration,
+    "duration": lambda value: value.number(0.0, is_open=True),
     "options": read_options,
     "draws": _count,
-    "seed": _seed,
+    "seed": functools.partial(_count, least=0.0),
     "measures": _read_measures,
 }
 
@@ -431,10 +423,6 @@ def _check_name(study: Study, name: str, place: Value) -> None:
         raise place.error("there is no motion whose parameters could vary")
 
 
-def _last(array: Array) -> Array:
-    return np.asarray(array[-1])
-
-
 def _travel(rollout: Rollout) -> Array:
     """Return how far joints are from where they end, over their way, shape (N, J)."""
     off = np.abs(rollout.position - rollout.position[-1])
@@ -467,7 +455,7 @@ def _energy(rollout: Rollout) -> float:
 MEASURES: Mapping[str, Callable[[Rollout], float]] = {
     "end_error": lambda r: float(_errors(r)[-1].max()),
     "tracking_error": lambda r: float(_errors(r).max()),
-    "end_speed": lambda r: float(np.abs(_last(r.velocity)).max()),
+    "end_speed": lambda r: float(np.abs(r.velocity[-1]).max()),
     "peak_speed": lambda r: float(np.abs(r.velocity).max()),
     "peak_effort": lambda r: float(np.abs(r.effort).max()),
     "settling_time": _settling_time,

@@ -107,7 +107,8 @@ def words_of(known: Sequence[str]) -> Any:
     return parse
 
 
-# An option whose words are added up.
+# An option that may come several times, and one whose words are added up.
+_SEVERAL: Any = {"action": "append", "default": []}
 _EXTEND: Any = {"action": "extend", "default": []}
 
 # What a page can show of a robot.
@@ -221,8 +222,7 @@ def add_ros_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--ros-origin",
         metavar="URL",
-        action="append",
-        default=[],
+        **_SEVERAL,
         help="web pages that may connect, besides those of this machine; repeatable",
     )
     text = "after a reset the clock begins at 0 again; else it goes on"
@@ -270,8 +270,7 @@ def _add_shown_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--curve",
         metavar="TOPIC/FIELD",
-        action="append",
-        default=[],
+        **_SEVERAL,
         help="plot a number on the page, as joint_states/position[joint1]",
     )
     text = "let the page's keyboard drive: arrows a base, digits joints"
@@ -279,8 +278,7 @@ def _add_shown_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--display",
         metavar="TOPIC",
-        action="append",
-        default=[],
+        **_SEVERAL,
         help="draw what a topic says: odometry, scan, points, wrench (no forces in "
         "--record)",
     )
@@ -290,12 +288,11 @@ def _add_shown_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_scene_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what happens, where it does, and how it starts."""
     add = parser.add_argument
-    several: Any = {"action": "append", "default": []}
     add("--motion", metavar="NAME|FILE", help="what to send to the controllers")
     add(
         "--set",
         metavar="NAME=VALUE",
-        **several,
+        **_SEVERAL,
         type=pair("="),
         help="value of a motion's parameter, as in YAML; repeatable",
     )
@@ -313,13 +310,13 @@ def _add_scene_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--active",
         metavar="NAME",
-        **several,
+        **_SEVERAL,
         help="controller to start before the others; repeatable",
     )
     add(
         "--inactive",
         metavar="NAME",
-        **several,
+        **_SEVERAL,
         help="controller not to start; repeatable",
     )
     add(
@@ -332,14 +329,14 @@ def _add_scene_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--payload",
         metavar="LINK=KG[,X,Y,Z]",
-        **several,
+        **_SEVERAL,
         type=pair("="),
         help="mass on a link, and where it is in the link's frame [m]; repeatable",
     )
     add(
         "--initial",
         metavar="JOINT=VALUE",
-        **several,
+        **_SEVERAL,
         type=pair("="),
         help="initial position [rad or m]; repeatable",
     )
@@ -388,8 +385,7 @@ def _add_output_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--log-images",
         metavar="SENSOR",
-        action="append",
-        default=[],
+        **_SEVERAL,
         help="what a camera or lidar publishes in the log, too (repeatable)",
     )
     add(
@@ -404,8 +400,7 @@ def _add_output_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--image",
         metavar="CAMERA=FILE.png",
-        action="append",
-        default=[],
+        **_SEVERAL,
         help="what a camera of the robot sees at the end (repeatable)",
     )
     add("--video", metavar="FILE.mp4", type=Path, help="film the simulation")
@@ -449,8 +444,7 @@ def add_replay_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--package-path",
         metavar="DIR",
-        action="append",
-        default=[],
+        **_SEVERAL,
         help="folder to search for the packages of its meshes; repeatable",
     )
     add("--rate", metavar="R", type=positive, help="speed of the page (1)")
@@ -506,8 +500,7 @@ def add_ik_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--seed",
         metavar="JOINT=VALUE",
-        action="append",
-        default=[],
+        **_SEVERAL,
         type=pair("="),
         help="position to start from [rad or m]; repeatable",
     )
@@ -525,7 +518,6 @@ def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot_arguments(parser)
     _add_group(parser)
     add = parser.add_argument
-    several: Any = {"action": "append", "default": [], "type": pair("=")}
     add(
         "--to",
         metavar="GOAL",
@@ -534,7 +526,8 @@ def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
         help="a state of the group, JOINT=VALUE,... or X,Y,Z[,R,P,Y] of the link [m, "
         "rad] (--to=-0.1,0,0.3 where the first is negative); repeatable: way points",
     )
-    add("--start", metavar="JOINT=VALUE", **several, help="position at the start")
+    text, metavar = "position at the start", "JOINT=VALUE"
+    add("--start", metavar=metavar, **_SEVERAL, type=pair("="), help=text)
     add("--straight", action="store_true", help="on a straight line of the link")
     add(
         "--upright",
@@ -605,8 +598,7 @@ def add_tune_arguments(parser: argparse.ArgumentParser) -> None:
         "--payload",
         metavar="LINK=LEAST,LARGEST",
         type=pair("="),
-        action="append",
-        default=[],
+        **_SEVERAL,
         help="masses that it is to bear [kg]; LINK may be payload, for the last one",
     )
     add("--moves", metavar="N", type=count, default=4, help="moves of each trial (4)")
@@ -677,7 +669,6 @@ def add_robot_arguments(parser: argparse.ArgumentParser) -> None:
 def add_loading_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what a robot is loaded with, besides its description."""
     add = parser.add_argument
-    several: Any = {"action": "append", "default": []}
     add(
         "--controllers",
         metavar="YAML",
@@ -685,14 +676,14 @@ def add_loading_arguments(parser: argparse.ArgumentParser) -> None:
         help="controllers YAML; repeatable",
     )
     text = "folder to search for packages; repeatable"
-    add("--package-path", metavar="DIR", **several, help=text)
+    add("--package-path", metavar="DIR", **_SEVERAL, help=text)
     text = "value of $(var NAME) in the YAML; repeatable"
-    add("--var", metavar="NAME=VALUE", **several, type=pair("="), help=text)
+    add("--var", metavar="NAME=VALUE", **_SEVERAL, type=pair("="), help=text)
     text = "collide with several convex parts of a mesh, not with its convex hull"
     add("--decompose", action="store_true", help=text)
     text = "frame fixed to a link [m, rad], such as the point of a tool; repeatable"
     metavar = "NAME=LINK,X,Y,Z[,R,P,Y]"
-    add("--add-frame", metavar=metavar, **several, type=pair("="), help=text)
+    add("--add-frame", metavar=metavar, **_SEVERAL, type=pair("="), help=text)
     text = "SRDF of MoveIt (those with the robot's name around it); repeatable"
     add("--srdf", metavar="FILE", action="append", help=text)
     add("--distro", default="jazzy", help="ROS distribution (jazzy)")

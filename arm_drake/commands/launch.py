@@ -100,10 +100,8 @@ def _with_loading(options: argparse.Namespace, plan: LaunchPlan) -> LaunchPlan:
         "srdf": options.srdf,
     }
     loading = {name: value for name, value in loading.items() if value}
-    for word in ("name", "namespace", "controllers", "add_frame", "srdf"):
-        if getattr(options, word) and len(plan.robots) != 1:
-            text = f"--{word.replace('_', '-')} is for one robot; it starts "
-            raise InputError(f"{text}{len(plan.robots)}", file=plan.file)
+    words = ("name", "namespace", "controllers", "add_frame", "srdf")
+    _check_only_robot(options, plan, *words)
     loading["decompose"] = options.decompose
     loading["max_faces"] = options.max_faces
     loading["distro"] = options.distro
@@ -115,14 +113,21 @@ def _with_place(
     options: argparse.Namespace, plan: LaunchPlan
 ) -> tuple[LaunchPlan, dict[str, float]]:
     """Return a plan whose robot starts where the command line says, and its joints."""
-    for word in ("pose", "initial"):
-        if getattr(options, word) and len(plan.robots) != 1:
-            text = f"--{word} is for one robot; it starts {len(plan.robots)}"
-            raise InputError(text, file=plan.file)
+    _check_only_robot(options, plan, "pose", "initial")
     if options.pose:
         robot = dc.replace(plan.robots[0], pose=tuple(options.pose))
         plan = dc.replace(plan, robots=(robot,))
     return plan, read_initial(options.initial)
+
+
+def _check_only_robot(
+    options: argparse.Namespace, plan: LaunchPlan, *words: str
+) -> None:
+    """Raise InputError for options of one robot where there isn't just one."""
+    for word in words:
+        if getattr(options, word) and len(plan.robots) != 1:
+            text = f"--{word.replace('_', '-')} is for one robot; it starts "
+            raise InputError(f"{text}{len(plan.robots)}", file=plan.file)
 
 
 def _check_strict(options: argparse.Namespace, plan: LaunchPlan) -> None:
@@ -195,10 +200,7 @@ def _view(options: argparse.Namespace, plan: LaunchPlan) -> int:
         raise InputError(text, file=plan.file)
     options.ghost = options.ghost or []
     if len(plan.robots) > 1:
-        for word in ("position", "named_pose"):
-            if getattr(options, word):
-                text = f"--{word.replace('_', '-')} is for one robot; it starts "
-                raise InputError(f"{text}{len(plan.robots)}", file=plan.file)
+        _check_only_robot(options, plan, "position", "named_pose")
         return view_scene(options, plan.load_scene())
     (launched,) = plan.robots
     defaults: Mapping[str, Any] = {

@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 
 from arm_drake.commands.arguments import loading_words
-from arm_drake.description.elements import parse_float
+from arm_drake.description.elements import parse_comma_separated, parse_float
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
 from arm_drake.output_files import (
@@ -217,9 +217,8 @@ def read_pose(
     text: str, option: str = "--pose"
 ) -> tuple[Sequence[float], tuple[bool, ...]]:
     """Return a pose in words, and what of it counts: its position, or all of it."""
-    numbers = [parse_float(word) for word in text.split(",")]
-    values = [n for n in numbers if n is not None and math.isfinite(n)]
-    if len(values) != len(numbers) or len(values) not in (3, 6):
+    values = parse_comma_separated(text)
+    if len(values) not in (3, 6) or not all(map(math.isfinite, values)):
         raise InputError(
             f"{option} {text}: expected finite numbers X,Y,Z [m] or X,Y,Z,R,P,Y [m, "
             "rad] with commas"

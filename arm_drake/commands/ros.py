@@ -11,7 +11,7 @@ from arm_drake.errors import InputError
 from arm_drake.rollout.rollout import ClientInput, Rollout
 from arm_drake.simulation.motion import Motion, default_duration
 from arm_drake.simulation.simulation import Simulation
-from arm_drake.visualization.page.live_simulation import LiveControls, LiveSimulation
+from arm_drake.visualization.page.live_simulation import LiveSimulation
 from arm_drake.wire.server import LOOPBACK, RosServer, run
 
 # Longer than anybody waits [s].
@@ -32,7 +32,7 @@ def serve(
         host=host,
         domain=options.ros_domain or 0,
         origins=options.ros_origin,
-        controls=None if live is None else LiveControls(live),
+        controls=live,
         keep_clock=not options.ros_reset_clock,
         # A page keeps its own history.
         history=None if live is not None else history_of(options),

@@ -32,7 +32,7 @@ from arm_drake.commands.output import (
     write_images,
     write_outputs,
 )
-from arm_drake.description.elements import parse_float
+from arm_drake.description.elements import parse_comma_separated
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
@@ -104,9 +104,8 @@ def read_payloads(words: Sequence[tuple[str, str]]) -> dict[str, Payload]:
     """Return the payloads of `--payload LINK=KG[,X,Y,Z]`."""
     payloads = {}
     for link, text in words:
-        numbers = [parse_float(word) for word in text.split(",")]
-        values = [number for number in numbers if number is not None]
-        if len(values) != len(numbers) or len(values) not in (1, 4):
+        values = parse_comma_separated(text)
+        if len(values) not in (1, 4):
             expected = (
                 "expected a mass [kg], or a mass and where it is [m]: 2.0,0,0,0.1"
             )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from arm_drake.batch.tuning import Response, Tuning, tune_gains
-from arm_drake.description.elements import parse_float
+from arm_drake.description.elements import parse_comma_separated
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
 from arm_drake.options import SimulationOptions
@@ -53,9 +53,8 @@ def run_tune(options: argparse.Namespace, robot: Robot) -> int:
 def _read_range(pair: tuple[str, str]) -> tuple[str, tuple[float, float]]:
     """Return the masses of `--payload LINK=LEAST,LARGEST` [kg]."""
     name, text = pair
-    numbers = [parse_float(word) for word in text.split(",")]
-    values = [number for number in numbers if number is not None]
-    if len(values) != len(numbers) or len(values) not in (1, 2):
+    values = parse_comma_separated(text)
+    if len(values) not in (1, 2):
         expected = "expected a largest mass [kg], or a least one and a largest: 0,0.25"
         raise InputError(f"--payload {name}={text}: {expected}")
     return name, (values[0] if len(values) == 2 else 0.0, values[-1])

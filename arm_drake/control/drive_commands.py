@@ -126,19 +126,14 @@ class DriveCommands:
         holds: bool = True,
         stops: tuple[Array, Array] | None = None,
     ) -> None:
-        """Create the map.
+        """Create the map of n joints with actuators; `order` names command interfaces.
 
-        Args:
-            joints: The n joints that have an actuator.
-            order: Names of the command interfaces, such as "joint1/position".
-            velocity_lead: How far ahead of a moving joint the position is to which it
-                moves on its own [s], shape (n,) or for all.
-            has_modes: Whether a joint may follow anything else than positions.
-            has_limits: Whether effort and velocity may be limited at run time.
-            holds: Whether joints that nobody commands hold their position.
-            stops: Lowest and highest positions that joints can reach, shapes (n,): a
-                drive that is sent beyond would push with all that it has, and its
-                robot would have nothing left for the other joints. None: no stops.
+        `velocity_lead` is how far ahead of a moving joint the position is to which it
+        moves on its own [s]; with `has_modes` joints may follow anything else than
+        positions, with `has_limits` effort and velocity may be limited at run time,
+        and what nobody commands `holds` its position. `stops` are the lowest and the
+        highest positions, shapes (n,): a drive that is sent beyond would push with all
+        that it has, and its robot would have nothing left for the other joints.
         """
         self._stops = stops
         self.joints = tuple(joints)

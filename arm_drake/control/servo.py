@@ -7,7 +7,6 @@ sampled position error are both at z, so a step settles in 5.83 / w0 at every h.
 
 import dataclasses as dc
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -291,29 +290,18 @@ def compute_servo_gains(
     )
 
 
-class _Efforts(NamedTuple):
-    """Efforts of n joints, shape (n,) each."""
-
-    # The greatest ones, also where there is no limit, and what is left beside gravity.
-    greatest: Array
-    spare: Array
-
-    # Whether it overcomes gravity and friction well, and whether not even friction.
-    is_strong: Mask
-    is_stuck: Mask
-
-
 def _find_efforts(
     limit: Array, unlimited: Array, gravity: Array, friction: Array | float
-) -> _Efforts:
-    """Return the efforts of joints; the second argument is of those without a limit.
+) -> tuple[Array, Array, Mask, Mask]:
+    """Return the greatest efforts, and those that are left beside gravity, (n,) each.
 
-    What can't overcome its dry friction [N·m] has no observer, for that would learn of
-    it without end, and asks for little.
+    Also whether they overcome gravity and friction well, and whether not even friction:
+    then there is no observer, which would learn of it without end. `unlimited` is of
+    joints without a limit.
     """
     is_stuck = limit <= friction
     spare = np.maximum(limit - gravity, 0.1 * limit)
-    return _Efforts(
+    return (
         np.where(np.isfinite(limit), limit, 2.0 * (gravity + unlimited)),
         np.where(is_stuck, 0.1 * limit, spare),
         limit > gravity + _MUCH_FRICTION * friction,

@@ -282,13 +282,10 @@ class Trajectory(Message):
         along, "none": for the last point), from the start state's positions if point 0
         is due before that, where upstream has no defined behaviour.
 
-        Args:
-            message: Points in the controller's joint order, times increasing.
-            before: Start state.
-            now_ns: Time of the first sample: the start, if the stamp is 0.
-            interpolation: "splines", or "none" to jump from point to point.
-            wraparound: Which joints turn without end, shape (n,): their start
-                position moves by full turns to be next to the first point.
+        Points are in the controller's joint order, their times increase. `now_ns` is
+        the time of the first sample: the start, if the stamp is 0. The start positions
+        of joints with `wraparound`, shape (n,), move by full turns to be next to the
+        first point.
         """
         points = message.points
         start_ns = message.header.stamp.to_nanoseconds() or now_ns
@@ -340,15 +337,12 @@ class Trajectory(Message):
         That is without points, before the start state's time, and where positions
         can't be known.
 
-        Args:
-            time_ns: When to sample.
-            cursor: Point from which on the segment is searched. If the time lies in an
-                earlier segment, the one before point 0 excepted, the trajectory counts
-                as finished. After a sample that is to advance the search, the cursor
-                is `max(cursor, sample.segment_start)`.
-            seen: Greatest `segment_end` of the samples so far. A segment that lacks
-                positions at its end completes the point before it, which the segment
-                before that is different with.
+        The segment is searched from the point `cursor` on. If the time lies in an
+        earlier one, that before point 0 excepted, the trajectory counts as finished.
+        After a sample that is to advance the search, the cursor is `max(cursor,
+        sample.segment_start)`. `seen` is the greatest `segment_end` so far: a segment
+        that lacks positions at its end completes the point before it, which the segment
+        before that is different with.
         """
         if time_ns < self.before_ns:
             return None
@@ -387,12 +381,8 @@ class Trajectory(Message):
     ) -> JointTrajectoryPoint:
         """Return a point, with the positions and velocities that were deduced.
 
-        Args:
-            index: Which point.
-            is_deduced: Whether the segment before it has been sampled; else the point
-                is as it was given.
-            is_left: Whether the segment after it has been sampled, too, which may have
-                completed its velocities.
+        It is as it was given unless the segment before it has been sampled. That after
+        it may have completed its velocities, if it `is_left`.
         """
         waypoint = self.message.points[index]
         completed = self.knots.completed() if is_left else None

@@ -184,7 +184,6 @@ class BatteryStateBroadcaster(SensorBroadcaster[BatteryStateBroadcasterState]):
     followed by a comma.
     """
 
-    reads_by_now = True
     message = BatteryStateBroadcasterState
     reads = (
         "``<battery>/battery_voltage`` of each battery and what ``interfaces`` "

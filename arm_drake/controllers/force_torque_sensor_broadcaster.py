@@ -170,7 +170,6 @@ class ForceTorqueSensorBroadcaster(
     positions of joints how the sensor stands.
     """
 
-    reads_by_now = True
     reads = (
         "``force.{x,y,z}`` [N] and ``torque.{x,y,z}`` [N·m] of ``<sensor_name>``, or "
         "``interface_names``"

@@ -23,7 +23,7 @@ from arm_drake.description.parameters import (
 )
 from arm_drake.errors import ParameterError, suggest
 from arm_drake.importing import dataclass
-from arm_drake.messages import Header, InterfaceValue, Time
+from arm_drake.messages import Header, InterfaceValue
 from arm_drake.messages.control import DynamicInterfaceGroupValues
 
 
@@ -223,7 +223,7 @@ class GpioCommandController(TopicController[GpioCommandControllerState]):
         """Return the topic gpio_states."""
         values = iter(state.measured.tolist())
         return DynamicInterfaceGroupValues(
-            Header(Time.from_nanoseconds(state.time_ns)),
+            Header.from_nanoseconds(state.time_ns),
             self._gpios,
             tuple(
                 InterfaceValue(names, tuple(next(values) for _ in names))

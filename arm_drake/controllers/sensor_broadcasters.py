@@ -109,7 +109,6 @@ class IMUSensorBroadcaster(SensorBroadcaster[Imu]):
     is of the fixed frame and stays.
     """
 
-    reads_by_now = True
     message = Imu
     names = (*ORIENTATIONS, *RATES, *ACCELERATIONS)
     reads = (
@@ -205,7 +204,6 @@ class RangeSensorBroadcaster(SensorBroadcaster[Range]):
     beyond ``min_range`` and ``max_range``.
     """
 
-    reads_by_now = True
     message = Range
     names = ("range",)
     reads = "``<sensor_name>/range`` [m]"
@@ -268,8 +266,9 @@ class PoseBroadcaster(SensorBroadcaster[PoseBroadcasterState]):
     and the squared norm of the orientation is within 0.01 of 1.
     """
 
-    reads_by_now = True
     message = PoseBroadcasterState
+    names = (*POSITIONS, *ORIENTATIONS)
+    sensor = "pose_name"
     reads = (
         "``<pose_name>/position.{x,y,z}`` [m] and ``<pose_name>/orientation.{x,y,z,w}``"
     )
@@ -287,15 +286,9 @@ class PoseBroadcaster(SensorBroadcaster[PoseBroadcasterState]):
         params: ControllerInterfaceParams,
     ) -> None:
         """Create the system."""
-        name, tf = parameters.pose_name, parameters.tf
-        read = (*POSITIONS, *ORIENTATIONS)
-        super().__init__(
-            parameters,
-            params,
-            state_interfaces=tuple(f"{name}/{part}" for part in read),
-            without=() if tf.enable else ("tf",),
-        )
-        self._child_frame_id = tf.child_frame_id or name
+        tf = parameters.tf
+        super().__init__(parameters, params, without=() if tf.enable else ("tf",))
+        self._child_frame_id = tf.child_frame_id or parameters.pose_name
 
     def _make(
         self, header: Header, values: Array, last: PoseBroadcasterState
@@ -370,7 +363,6 @@ class GPSSensorBroadcaster(SensorBroadcaster[NavSatFix]):
     the message's matrix, in the order of their interfaces, as upstream has it.
     """
 
-    reads_by_now = True
     message = NavSatFix
     reads = (
         "``status``, ``service``, ``latitude``, ``longitude`` and ``altitude`` of "
@@ -433,7 +425,6 @@ class MagnetometerBroadcaster(SensorBroadcaster[MagneticField]):
     The state is what was published last.
     """
 
-    reads_by_now = True
     message = MagneticField
     names = tuple(f"magnetic_field.{axis}" for axis in "xyz")
     reads = "``<sensor_name>/magnetic_field.{x,y,z}`` [T]"
@@ -470,7 +461,6 @@ class StateInterfacesBroadcaster(SensorBroadcaster[NamedValues]):
     The state is what was published last.
     """
 
-    reads_by_now = True
     reads = "what the parameter ``interfaces`` lists"
     topics: ClassVar = {
         "names": "Keys: these names, always the same",
@@ -553,7 +543,6 @@ class Vda5050SafetyStateBroadcaster(SensorBroadcaster[VDA5050SafetyState]):
     NaN. Of several emergency stops a manual one comes first, then a remote one.
     """
 
-    reads_by_now = True
     message = VDA5050SafetyState
     reads = "what the parameter ``interfaces`` lists"
     topics: ClassVar = {"vda5050_safety_state": "VDA5050SafetyState of the last tick"}

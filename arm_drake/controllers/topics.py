@@ -279,15 +279,16 @@ class SensorBroadcaster(TickingController[S]):
     """Base of broadcasters, whose state is what was published last.
 
     A subclass says what it reads and publishes, and makes its message by `_make`. Of
-    several topics each is a field of the state. One that `reads_by_now` makes it of the
-    values alone, or has steady ticks of its own.
+    several topics each is a field of the state. It has steady ticks of its own if its
+    message doesn't follow from the values alone.
     """
 
     # Class of the message, or of the state.
     message: ClassVar[type]
 
-    # Interfaces of the sensor that it reads.
+    # Interfaces of the sensor that it reads, and the parameter with the sensor's name.
     names: ClassVar[tuple[str, ...]] = ()
+    sensor: ClassVar[str] = "sensor_name"
 
     # For its documentation, which names all ports: what it reads, what it exports if it
     # does, and what is on each of its topics.
@@ -296,8 +297,9 @@ class SensorBroadcaster(TickingController[S]):
     topics: ClassVar[Mapping[str, str]]
 
     def __init_subclass__(cls, **more: Any) -> None:
-        """Add the ports to the documentation."""
+        """Add the ports to the documentation; what `_make` reads is given to it."""
         cls.__doc__ = _tabulate_ports(cls)
+        cls.reads_by_now = True
         super().__init_subclass__(**more)
 
     def __init__(
@@ -316,7 +318,8 @@ class SensorBroadcaster(TickingController[S]):
         """
         own, read = params.controller_name, state_interfaces
         if self.names:
-            read = tuple(f"{parameters.sensor_name}/{name}" for name in self.names)
+            sensor = getattr(parameters, self.sensor)
+            read = tuple(f"{sensor}/{name}" for name in self.names)
         is_exported = self.exports and params.distro != "humble"
         super().__init__(
             params,

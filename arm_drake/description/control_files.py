@@ -132,6 +132,8 @@ def _controllers_in_package(
         for path in files_in_config(description.file, packages)
         if _has_controllers(path)
     ]
+    # Types in a section for all nodes may be of something else.
+    candidates = list(filter(_has_manager, candidates)) or candidates
     if moving_plugins(description) and not description.hardware:
         # Gazebo runs no controllers beside them, unless it is told to.
         if candidates:
@@ -171,7 +173,11 @@ def files_in_config(file: Path, packages: PackageFinder) -> list[Path]:
 def _has_controllers(path: Path) -> bool:
     text = text_of(path)
     is_for_all = _FOR_ALL.search(text) is not None and _TYPE.search(text) is not None
-    return PARAMETERS in text and (_MANAGER.search(text) is not None or is_for_all)
+    return PARAMETERS in text and (_has_manager(path) or is_for_all)
+
+
+def _has_manager(path: Path) -> bool:
+    return _MANAGER.search(text_of(path)) is not None
 
 
 def _candidates(description: RobotDescription, packages: PackageFinder) -> list[Path]:

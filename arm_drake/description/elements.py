@@ -26,6 +26,13 @@ def parse_float(text: str) -> float | None:
     return float(text) if _NUMBER.fullmatch(text) else None
 
 
+def parse_comma_separated(text: str) -> list[float]:
+    """Return numbers with commas between them; none if something isn't one."""
+    found = [parse_float(word) for word in text.split(",")]
+    numbers = [number for number in found if number is not None]
+    return numbers if len(numbers) == len(found) else []
+
+
 def numbers(
     text: str, file: Path, where: str, part: str = "", expected: str = "numbers"
 ) -> list[float]:
@@ -52,21 +59,30 @@ _MAX_SHOWN = 80
 
 _BOOLS = {"true": True, "false": False}
 
-# A prefix of a tag or attribute, one that is declared, and where the root's name ends.
-_PREFIX = re.compile(r"[<\s]/?([A-Za-z_][\w.-]*):[\w.-]+(?=[\s=/>])")
-_DECLARED = re.compile(r"\sxmlns:([\w.-]+)\s*=")
-_ROOT = re.compile(r"(\s|<\?.*?\?>|<!--.*?-->)*<[\w.:-]+", re.DOTALL)
-
 
 def declare_prefixes(text: str) -> str:
     """Return an XML text with all its prefixes declared; urdfdom asks for none."""
-    declared = {"xml", "xmlns", *_DECLARED.findall(text)}
-    lacking = dict.fromkeys(p for p in _PREFIX.findall(text) if p not in declared)
-    root = _ROOT.match(text)
-    if root is None or not lacking:
+    data = text.encode(errors="replace")
+    # Prefixes that tags and attributes have, those that the root declares, and where
+    # its name ends.
+    used: dict[str, None] = {}
+    declared, ends = {"", "xml", "xmlns"}, list[int]()
+    parser = expat.ParserCreate("utf-8")
+
+    def start(tag: str, attributes: Mapping[str, str]) -> None:
+        names = [name.partition(":") for name in (tag, *attributes)]
+        used.update((prefix, None) for prefix, colon, _ in names if colon)
+        if not ends:
+            ends.append(parser.CurrentByteIndex + len(f"<{tag}".encode()))
+            declared.update(name for prefix, _, name in names if prefix == "xmlns")
+
+    parser.StartElementHandler = start
+    with contextlib.suppress(expat.ExpatError):
+        parser.Parse(data, True)
+    lacking = "".join(f' xmlns:{p}="{p}"' for p in used if p not in declared)
+    if not lacking:
         return text
-    names = "".join(f' xmlns:{prefix}="{prefix}"' for prefix in lacking)
-    return text[: root.end()] + names + text[root.end() :]
+    return f"{data[: ends[0]].decode()}{lacking}{data[ends[0] :].decode()}"
 
 
 def parse_xml(text: str, file: Path) -> ET.Element:

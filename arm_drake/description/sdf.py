@@ -383,9 +383,10 @@ class _Model:
             ET.SubElement(material, "color", rgba=rgba)
 
     def _friction(self, link: ET.Element) -> str:
-        """Return the friction of a link: what the first of its shapes states."""
+        """Return the friction of a link: that of the first of its shapes with one."""
         path = "collision/surface/friction/ode/mu"
-        return next((text_of(e) for e in link.iterfind(path)), "")
+        mu = self._number(link, link.find(path), "friction mu")
+        return "" if mu is None else _words((mu,))
 
     def _place_sensor(self, sensor: ET.Element, X: Transform) -> None:
         for pose in sensor.findall("pose"):
@@ -469,27 +470,38 @@ class _Model:
         }
         if dynamics:
             ET.SubElement(written, "dynamics", dynamics)
-        self._write_mimic(written, axis)
+        self._write_mimic(written, joint, axis)
 
     def _limit(self, joint: ET.Element, axis: ET.Element, key: str) -> float:
         """Return a limit of a joint; infinity where SDF has none."""
         none = -math.inf if key == "lower" else math.inf
-        text = text_of(axis, f"limit/{key}")
-        number = parse_number(text)
-        if text and number is None:
-            what = f"limit {key}: expected a number, got {text!r}"
-            self._note("error", "invalid", what, "taken as not given", joint)
+        number = self._number(joint, axis.find(f"limit/{key}"), f"limit {key}")
         if number is None or not abs(number) < _NO_LIMIT:
             return none
         return number if key in _RANGE or number >= 0.0 else none
 
-    def _write_mimic(self, written: ET.Element, axis: ET.Element) -> None:
+    def _number(
+        self, owner: ET.Element, element: ET.Element | None, name: str
+    ) -> float | None:
+        """Return the number of an element of a link or joint, or None without one."""
+        text = text_of(element)
+        number = parse_number(text)
+        if number is not None and not math.isnan(number):
+            return number
+        if text:
+            what = f"{name}: expected a number, got {text!r}"
+            self._note("error", "invalid", what, "taken as not given", owner)
+        return None
+
+    def _write_mimic(
+        self, written: ET.Element, joint: ET.Element, axis: ET.Element
+    ) -> None:
         """Write that a joint follows another: m (leader - reference) + offset."""
         mimic = axis.find("mimic")
         if mimic is None:
             return
         factor, offset, reference = (
-            parse_number(text_of(mimic, tag)) or 0.0
+            self._number(joint, mimic.find(tag), f"mimic {tag}") or 0.0
             for tag in ("multiplier", "offset", "reference")
         )
         ET.SubElement(

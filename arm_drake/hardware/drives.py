@@ -330,8 +330,9 @@ def find_effort_only_joints(
 ) -> frozenset[str]:
     """Return the joints that follow efforts and nothing else."""
     claimed = claimed_interfaces(robot, controllers)
-    moved = {name.rpartition("/")[0] for name in claimed if not _is_effort(name)}
-    return frozenset(name.rpartition("/")[0] for name in claimed) - moved
+    parts = [name.rpartition("/") for name in claimed]
+    moved = {joint for joint, _, interface in parts if interface != interfaces.EFFORT}
+    return frozenset(joint for joint, _, _ in parts) - moved
 
 
 def are_all_pushed(robot: Robot, effort_only: Collection[str]) -> bool:
@@ -389,10 +390,6 @@ def claimed_interfaces(
         if name.rpartition("/")[0] in joints
         and name not in controller.system.limit_interfaces
     }
-
-
-def _is_effort(name: str) -> bool:
-    return name.rpartition("/")[2] == interfaces.EFFORT
 
 
 def make_command_limits(

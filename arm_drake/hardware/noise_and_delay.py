@@ -173,11 +173,10 @@ def find_deviations(names: Sequence[str], noise: Mapping[str, float]) -> Array:
     "imu", and this before a kind such as "position", which is of all that have it.
     Orientations have none: with noise on its numbers a quaternion is none.
     """
-    return np.array([_find_deviation(name, noise) for name in names], dtype=float)
-
-
-def _find_deviation(name: str, noise: Mapping[str, float]) -> float:
-    return next((noise[each] for each in _names_of(name) if each in noise), 0.0)
+    found = (
+        next((noise[n] for n in _names_of(name) if n in noise), 0) for name in names
+    )
+    return np.array(list(found), dtype=float)
 
 
 def _names_of(name: str) -> tuple[str, ...]:

@@ -336,17 +336,18 @@ def mixed_command(part: float, start: Array, h: float) -> AffineSystem:
     """Return a command with a part of that of the step before.
 
     A joint that follows it is at the end of each step where the ideal drive would be in
-    continuous time: `ServoGains.last_command` is that part.
+    continuous time: `ServoGains.last_command` is that part. It starts at positions.
     """
-    one = np.eye(len(start))
     # The state is the last command less the first, so that it starts at zero.
+    first = np.concatenate([start, np.zeros_like(start)])
+    one = np.eye(len(first))
     return AffineSystem(
         A=0.0 * one,
         B=one,
-        f0=-start,
+        f0=-first,
         C=part * one,
         D=(1.0 - part) * one,
-        y0=part * start,
+        y0=part * first,
         time_period=h,
     )
 
@@ -598,7 +599,10 @@ def make_joint_servo(
         command = wiring.add("pid", pid_law(pid, layout, h), state, command)
     if gains.last_command:
         assert start is not None
-        command = _mix(wiring, gains, layout, start, command, h)
+        assert not has_modes
+        assert not has_limits
+        mixed = mixed_command(gains.last_command, start, h)
+        command = wiring.add("mixed", mixed, command)
     read: list[Port] = [state, command]
     hold = None
     if gains.observer_gain:
@@ -621,24 +625,7 @@ def make_joint_servo(
     if hold is not None:
         new = wiring.times("observer", observer.matrix(h), law, state, *scale)
         wiring.builder.Connect(new, hold.get_input_port())
-    diagram = wiring.builder.Build()
-    diagram.set_name("servo")
-    return diagram
-
-
-def _mix(
-    wiring: Wiring,
-    gains: ServoGains,
-    layout: Layout,
-    start: Array,
-    command: Port,
-    h: float,
-) -> Port:
-    """Return a command of positions with a part of that of the step before."""
-    assert not layout.has_modes
-    assert not layout.has_limits
-    before = np.concatenate([start, np.zeros_like(start)])
-    return wiring.add("mixed", mixed_command(gains.last_command, before, h), command)
+    return wiring.build("servo")
 
 
 def make_push(effort_limit: Array) -> Diagram:
@@ -654,9 +641,7 @@ def make_push(effort_limit: Array) -> Diagram:
     limits = Saturation(min_value=-effort_limit, max_value=effort_limit)
     effort = wiring.add("effort", limits, commanded)
     wiring.builder.ExportOutput(effort, "effort")
-    diagram = wiring.builder.Build()
-    diagram.set_name("servo")
-    return diagram
+    return wiring.build("servo")
 
 
 def _add_efforts(

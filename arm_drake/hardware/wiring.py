@@ -7,7 +7,13 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.controllers import InverseDynamics
-from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort, System
+from pydrake.systems.framework import (
+    Diagram,
+    DiagramBuilder,
+    InputPort,
+    OutputPort,
+    System,
+)
 from pydrake.systems.primitives import (
     ConstantVectorSource,
     MatrixGain,
@@ -47,6 +53,12 @@ class Wiring:
 
     # Inputs of the diagram that somebody reads.
     _sources: set[str] = dc.field(default_factory=set)
+
+    def build(self, name: str) -> Diagram:
+        """Return the diagram of all that was added."""
+        diagram = self.builder.Build()
+        diagram.set_name(name)
+        return diagram
 
     def connect(self, port: Port, target: InputPort) -> None:
         """Let a system read a port, or an input of the diagram."""

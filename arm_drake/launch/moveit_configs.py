@@ -26,6 +26,12 @@ from arm_drake.launch.substitutions import (
 # Where the controllers that a planner talks to are named.
 _MANAGER = "moveit_simple_controller_manager"
 
+# What a builder finds by itself if it isn't said, by its methods.
+_PARTS = (
+    *("robot_description", "robot_description_semantic", "joint_limits"),
+    *("robot_description_kinematics", "trajectory_execution"),
+)
+
 _CAPABILITIES = ("capabilities", "disable_capabilities")
 
 # Elements of SRDF: their attributes, and the elements in them, which are lists.
@@ -198,16 +204,9 @@ class MoveItConfigsBuilder:
 
     def to_moveit_configs(self) -> MoveItConfigs:
         """Return what was described."""
-        if "robot_description" not in self._values:
-            self.robot_description()
-        if "robot_description_semantic" not in self._values:
-            self.robot_description_semantic()
-        if "joint_limits" not in self._values:
-            self.joint_limits()
-        if "robot_description_kinematics" not in self._values:
-            self.robot_description_kinematics()
-        if "trajectory_execution" not in self._values:
-            self.trajectory_execution()
+        for name in _PARTS:
+            if name not in self._values:
+                getattr(self, name)()
         return MoveItConfigs(self._package, self._values)
 
     def to_dict(self, include_moveit_configs: bool = True) -> dict[str, Any]:

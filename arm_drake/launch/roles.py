@@ -25,7 +25,7 @@ from arm_drake.description.sdf import is_sdf, moves_by_itself
 from arm_drake.description.xacro import expand_xacro
 from arm_drake.errors import DescriptionError, PackageError
 from arm_drake.importing import dataclass
-from arm_drake.launch.actions import split_ros_arguments
+from arm_drake.launch.actions import join_names, split_ros_arguments
 from arm_drake.launch.commanded import read_goal, read_publication, save_steps
 from arm_drake.launch.frames import StaticFrame, read_static_frame
 from arm_drake.launch.nodes import find_role, find_what_it_does
@@ -348,7 +348,7 @@ class Roles:
         words = record["arguments"]
         names = positional(words, ("-c", "--controller-manager"))
         manager = value_of(words, "-c", "--controller-manager") or _MANAGER
-        self._spawn(names, "inactive", _join(record["namespace"], manager), ())
+        self._spawn(names, "inactive", join_names(record["namespace"], manager), ())
 
     def _read_server(self, record: Mapping[str, Any]) -> None:
         values = _merge(record)
@@ -410,7 +410,7 @@ class Roles:
         return next((key for key, each in known if each.strip() == text), None)
 
     def _read_publisher(self, record: Mapping[str, Any]) -> None:
-        topic = _remapped(_TOPIC, record)
+        topic = _remapped(_TOPIC, record, "/~")
         values = _merge(record)
         text = values.get(_TOPIC)
         if not isinstance(text, str):  # A file, in older versions.
@@ -442,26 +442,29 @@ class Roles:
                 remappings.append(Remapping(source, target, Path(record["file"])))
         self._parts.managers.append(
             Manager(
-                name=_join(record["namespace"], name),
+                name=join_names(record["namespace"], name),
                 namespace=record["namespace"],
                 description=self._describe(str(text), record),
-                topic=_join(record["namespace"], topic),
+                topic=join_names(record["namespace"], topic),
                 files=tuple(files),
                 remappings=tuple(remappings),
             )
         )
 
     def _take_managers(self) -> None:
-        """Take what has a manager's controllers, and spawners, as that manager."""
+        """Take what has a manager's controllers or program, and spawners, as that."""
         asked = {spawner.manager.strip("/") for spawner in self._parts.spawners}
         for record, line in self._own_nodes:
-            name = _join(record["namespace"], record.get("name") or _MANAGER)
+            name = join_names(record["namespace"], record.get("name") or _MANAGER)
             known = [manager.name for manager in self._parts.managers]
             if name in known or name not in asked:
                 continue
-            if has_controllers(record["parameters"]):
+            is_called_so = record.get("executable") == "ros2_control_node"
+            if is_called_so or has_controllers(record["parameters"]):
                 self._not_started.remove(line)
                 what = f"node {line.name} has the controllers of /{name}"
+                if is_called_so:
+                    what = f"node {line.name} is asked for controllers of /{name}"
                 done = "it is taken as a controller manager"
                 self._add("info", "unsupported", what, done, record)
                 self._read_manager(record)
@@ -513,7 +516,7 @@ class Roles:
         kind = value_of(words, "-t", "--controller-type")
         manager = value_of(words, "-c", "--controller-manager") or "controller_manager"
         space = value_of(words, "-n", "--namespace") or record["namespace"]
-        manager = _join(space, manager)
+        manager = join_names(space, manager)
         if kind is not None:
             types = {f"{name}.type": kind for name in names}
             node = manager.rpartition("/")[2]
@@ -573,6 +576,10 @@ class Roles:
         path = None if file is None else Path(file)
         if path is not None and (key := self._read_key(path)) is not None:
             path, text = None, key
+        if path is None and text is not None and is_sdf(text):
+            self._num_texts += 1
+            path = self._folder.path / f"model_{self._num_texts}.sdf"
+            path.write_text(text, encoding="utf-8")
         if path is not None:
             if path.suffix == ".sdf" or (_is_file(path) and _is_sdf(path)):
                 if not _is_file(path):
@@ -580,17 +587,11 @@ class Roles:
                     self._add("error", "missing", what, done, record)
                     return
                 path = self._finder.real(path)
-                if not _is_robot(path):
-                    self._add_model(path, option, record)
+                if not _is_robot(path):  # A thing in the world.
+                    pose = self._read_pose(option, record)
+                    model = LaunchedModel(path, option("entity", "name"), pose)
+                    self._models.append(model)
                     return
-            description = Description("", record["namespace"], path, {})
-        elif text is not None and is_sdf(text):
-            self._num_texts += 1
-            path = self._folder.path / f"model_{self._num_texts}.sdf"
-            path.write_text(text, encoding="utf-8")
-            if not _is_robot(path):
-                self._add_model(path, option, record)
-                return
             description = Description("", record["namespace"], path, {})
         elif text is not None:
             description = self._describe(text, record)
@@ -601,19 +602,12 @@ class Roles:
         self._parts.spawns.append(
             Spawn(
                 name=option("entity", "name"),
-                topic=None if topic is None else _join(record["namespace"], topic),
+                topic=None if topic is None else join_names(record["namespace"], topic),
                 description=description,
                 pose=self._read_pose(option, record),
                 simulator=simulator,
             )
         )
-
-    def _add_model(
-        self, path: Path, option: Callable[..., str | None], record: Mapping[str, Any]
-    ) -> None:
-        """Take an SDF model that is a thing in the world."""
-        name, pose = option("entity", "name"), self._read_pose(option, record)
-        self._models.append(LaunchedModel(path, name, pose))
 
     def _read_pose(
         self, option: Callable[..., str | None], record: Mapping[str, Any]
@@ -636,13 +630,13 @@ class Roles:
         for word in record.get("arguments", ()):
             if "@" in word:
                 topic = word.partition("@")[0]
-                self._bridges.append(Bridge(word, _renamed(topic, record)))
+                self._bridges.append(Bridge(word, f"/{_remapped(topic, record)}"))
         self._add_bridge_file(_merge(record).get("config_file", ""), record)
 
     def _read_image_bridge(self, record: Mapping[str, Any]) -> None:
         for topic in positional(record.get("arguments", ()), ()):
             word = f"{topic}@sensor_msgs/msg/Image[gz.msgs.Image"
-            self._bridges.append(Bridge(word, _renamed(topic, record)))
+            self._bridges.append(Bridge(word, f"/{_remapped(topic, record)}"))
 
     def _add_bridge_file(self, name: Any, record: Mapping[str, Any]) -> None:
         if not isinstance(name, str):
@@ -685,28 +679,16 @@ def _nest(values: Mapping[str, Any]) -> dict[str, Any]:
     return data
 
 
-def _renamed(topic: str, record: Mapping[str, Any]) -> str:
-    """Return what a node's remappings call a topic, with a slash in front."""
+def _remapped(topic: str, record: Mapping[str, Any], around: str = "/") -> str:
+    """Return what a topic of a node is called, from the root without a slash.
+
+    `around` is what may stand around the topic in a remapping.
+    """
     for source, target in record.get("remappings", ()):
-        if source.strip("/") == topic.strip("/"):
+        if source.strip(around) == topic.strip("/"):
             topic = target
             break
-    return "/" + _join(record["namespace"], topic)
-
-
-def _remapped(topic: str, record: Mapping[str, Any]) -> str:
-    """Return what a topic of a node is called, from the root without a slash."""
-    for source, target in record.get("remappings", ()):
-        if source.strip("/~") == topic:
-            topic = target
-            break
-    return _join(record["namespace"], topic)
-
-
-def _join(space: str, name: str) -> str:
-    if name.startswith("/") or not space.strip("/"):
-        return name.strip("/")
-    return f"{space.strip('/')}/{name}"
+    return join_names(record["namespace"], topic)
 
 
 def _is_true(values: Mapping[str, str], name: str, default: str = "false") -> bool:

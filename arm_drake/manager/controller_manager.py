@@ -497,21 +497,12 @@ class ControllerManager(PythonSystem):
         is_of_now: bool = False,
     ) -> OutputPort:
         """Declare what is computed of messages, and of time, state and measurements."""
-        ports = [self._switch, *self._keeper.inboxes]
-        more = {
-            self.time_ticket(),
-            self.xa_ticket(),
-            self.xd_ticket(),
-            self._measured.ticket(),
-        }
+        tickets = {port.ticket() for port in (self._switch, *self._keeper.inboxes)}
+        if is_of_now:
+            tickets |= {self.time_ticket(), self.xa_ticket(), self.xd_ticket()}
+            tickets.add(self._measured.ticket())
         return self.DeclareAbstractOutputPort(
-            name,
-            lambda: AbstractValue.Make(()),
-            calc,
-            prerequisites_of_calc={
-                *(port.ticket() for port in ports),
-                *(more if is_of_now else ()),
-            },
+            name, lambda: AbstractValue.Make(()), calc, tickets
         )
 
     def _declare_shown(self) -> None:

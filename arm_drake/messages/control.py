@@ -9,7 +9,7 @@ from arm_drake.messages.base import (
     JointState,
     Message,
     check_type,
-    to_float,
+    take_numbers,
     to_floats,
     to_message,
     to_names,
@@ -185,7 +185,7 @@ class Float64(Message):
 
     def __post_init__(self) -> None:
         """Take numbers as they come."""
-        object.__setattr__(self, "data", to_float(self.data, "data"))
+        take_numbers(self, "data")
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,9 +218,7 @@ class GripperCommand(Message):
 
     def __post_init__(self) -> None:
         """Take numbers as they come."""
-        for field in ("position", "max_effort"):
-            number = to_float(getattr(self, field), field)
-            object.__setattr__(self, field, number)
+        take_numbers(self, "position", "max_effort")
 
 
 @dataclass(frozen=True)

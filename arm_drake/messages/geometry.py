@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from arm_drake.arrays import Array
 from arm_drake.importing import dataclass
-from arm_drake.messages.base import Header, Message, to_float, to_message
+from arm_drake.messages.base import Header, Message, take_numbers, to_message
 
 # What `arm_drake.messages` has of it.
 __all__ = [
@@ -32,14 +32,6 @@ __all__ = [
 ]
 
 
-def _take_numbers(message: Message, fields: tuple[str, ...]) -> None:
-    # A Vector3 takes 0.6 us so, 1.0 where attributes are looked up one by one.
-    values = message.__dict__
-    for field in fields:
-        if type(values[field]) is not float:
-            values[field] = to_float(values[field], field)
-
-
 def _take_parts(message: Message, kinds: dict[str, type]) -> None:
     for field, kind in kinds.items():
         value = getattr(message, field)
@@ -57,7 +49,7 @@ class Vector3(Message):
 
     def __post_init__(self) -> None:
         """Take numbers as they come."""
-        _take_numbers(self, ("x", "y", "z"))
+        take_numbers(self, "x", "y", "z")
 
 
 @dataclass(frozen=True)
@@ -247,4 +239,4 @@ class SetOdometry(Message):
 
     def __post_init__(self) -> None:
         """Take numbers as they come."""
-        _take_numbers(self, ("x", "y", "yaw"))
+        take_numbers(self, "x", "y", "yaw")

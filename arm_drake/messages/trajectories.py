@@ -12,9 +12,10 @@ from arm_drake.messages.base import (
     Message,
     check_name,
     check_type,
+    take_numbers,
     to_duration,
-    to_float,
     to_floats,
+    to_message,
     to_messages,
     to_names,
 )
@@ -102,9 +103,10 @@ class JointTrajectory(Message):
 
     def __post_init__(self) -> None:
         """Take sequences as they come."""
-        check_type(self.header, Header, "header")
+        header = to_message(self.header, Header, "header")
         names = to_names(self.joint_names, "joint_names")
         points = to_messages(self.points, JointTrajectoryPoint, "points")
+        object.__setattr__(self, "header", header)
         object.__setattr__(self, "joint_names", names)
         object.__setattr__(self, "points", points)
 
@@ -127,9 +129,7 @@ class JointTolerance(Message):
     def __post_init__(self) -> None:
         """Take numbers as they come."""
         check_name(self.name, "name")
-        for field in ("position", "velocity", "acceleration"):
-            number = to_float(getattr(self, field), field)
-            object.__setattr__(self, field, number)
+        take_numbers(self, "position", "velocity", "acceleration")
 
 
 @dataclass(frozen=True)
@@ -214,7 +214,7 @@ class SpeedScalingFactor(Message):
 
     def __post_init__(self) -> None:
         """Take numbers as they come."""
-        object.__setattr__(self, "factor", to_float(self.factor, "factor"))
+        take_numbers(self, "factor")
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import xml.etree.ElementTree as ET
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -316,9 +316,8 @@ class RobotTopics:
         self._transforms: tuple[LinkTransform, ...] = ()
         # Status of each goal as it was told last.
         self._goals: dict[int, str] = {}
-        # Time of the last messages that were sent, and how many of that time are told.
-        self._sent_at, self._num_sent = -math.inf, 0
-        self._input_at, self._num_inputs = -math.inf, 0
+        # Time of the last message and input that are told, and how many of that time.
+        self._last_sent = self._last_input = (-math.inf, 0)
         # Time of the last message of each topic of cameras and lidars [ns].
         self._sensed: dict[str, int] = {}
 
@@ -369,24 +368,13 @@ class RobotTopics:
                 yield make_tf("/tf_static", fixed, time_ns, _frames_of(rollout))
 
     def _topic_messages(self, rollout: Rollout) -> Iterator[BagMessage]:
-        known = [m for m in rollout.messages if m.time == self._sent_at]
-        later = [m for m in rollout.messages if m.time > self._sent_at]
-        for message in known[self._num_sent :] + later:
+        sent, self._last_sent = _later(rollout.messages, self._last_sent)
+        for message in sent:
             yield from sent_messages(message, rollout.namespace)
-        if rollout.messages:
-            times = [message.time for message in rollout.messages]
-            self._sent_at, self._num_sent = times[-1], times.count(times[-1])
-        known_inputs = [i for i in rollout.inputs if i.time == self._input_at]
-        later_inputs = [i for i in rollout.inputs if i.time > self._input_at]
-        for each in known_inputs[self._num_inputs :] + later_inputs:
-            topic, time_ns = (
-                f"{rollout.namespace}{INPUTS}",
-                round(each.time * NANOSECONDS),
-            )
-            yield make_string(topic, time_ns, _json(each))
-        if rollout.inputs:
-            times = [each.time for each in rollout.inputs]
-            self._input_at, self._num_inputs = times[-1], times.count(times[-1])
+        inputs, self._last_input = _later(rollout.inputs, self._last_input)
+        for each in inputs:
+            topic = f"{rollout.namespace}{INPUTS}"
+            yield make_string(topic, round(each.time * NANOSECONDS), _json(each))
 
     def _goal_messages(self, rollout: Rollout) -> Iterator[BagMessage]:
         for number, goal in enumerate(rollout.goals):
@@ -432,6 +420,25 @@ class RobotTopics:
             parts = [part for part in parts if np.all(np.isfinite(part[2]))]
             if parts:
                 yield make_tf("/tf", parts, int(times[row]), _frames_of(rollout))
+
+
+_Sent = TypeVar("_Sent", SentMessage, ClientInput)
+
+
+def _later(
+    sent: Sequence[_Sent], last: tuple[float, int]
+) -> tuple[list[_Sent], tuple[float, int]]:
+    """Return what isn't told yet, and the last time with how many there are of it.
+
+    What is told is known by the last time [s], and how many of that time are told.
+    """
+    time, count = last
+    known = [each for each in sent if each.time == time]
+    later = [each for each in sent if each.time > time]
+    if sent:
+        times = [each.time for each in sent]
+        last = times[-1], times.count(times[-1])
+    return known[count:] + later, last
 
 
 _CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
@@ -502,15 +509,6 @@ class BagWriter:
                 },
             )
         return self._channels[message.topic]
-
-
-def write_rollout(rollout: Rollout, path: Path) -> None:
-    """Write all of a rollout."""
-    writer = BagWriter(path)
-    try:
-        writer.write(rollout)
-    finally:
-        writer.close()
 
 
 # Messages of a topic with their times [ns].

@@ -1,5 +1,7 @@
 """File types of rollouts: which module writes and reads each, imported when used."""
 
+import contextlib
+import functools
 import importlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -31,11 +33,12 @@ class PartWriter(Protocol):
 
 
 class _Format(NamedTuple):
-    # It has write_rollout(rollout, path), and read_fields(path, robot), which returns
-    # the fields of a Rollout; a Reference is its joints and positions.
+    # It has read_fields(path, robot), which returns the fields of a Rollout; a
+    # Reference is its joints and positions.
     module: str
 
-    # The PartWriter there, if a file of this type can grow.
+    # The PartWriter there, if a file of this type can grow; else it has
+    # write_rollout(rollout, path).
     part_writer: str = ""
 
     def load(self, name: str) -> Any:
@@ -51,8 +54,17 @@ _FORMATS: Mapping[str, _Format] = {
 
 def writer_for(path: Path) -> Callable[[Any, Path], None]:
     """Return what writes a rollout to a file, or raise OutputError."""
-    write: Callable[[Any, Path], None] = _find(path, OutputError).load("write_rollout")
+    found = _find(path, OutputError)
+    if found.part_writer:
+        return functools.partial(_write_part, found.load(found.part_writer))
+    write: Callable[[Any, Path], None] = found.load("write_rollout")
     return write
+
+
+def _write_part(make: type[PartWriter], rollout: Any, path: Path) -> None:
+    """Write a rollout as the only part of a file."""
+    with contextlib.closing(make(path)) as writer:
+        writer.write(rollout)
 
 
 def save_rollout(rollout: Any, path: Path) -> None:

@@ -74,7 +74,7 @@ def _sensor_arrays(topic: str, messages: Sequence[Message]) -> dict[str, Any]:
 def _read_sensor(
     fields: NDArray[Any], data: NDArray[Any], type_: str
 ) -> tuple[Message, ...]:
-    """Return the messages that `_tell_sensor` has told."""
+    """Return the messages of `_sensor_arrays`."""
     kind, content = SENSOR_TYPES[f"sensor_msgs/msg/{type_}"], data.tobytes()
     found, start = [], 0
     for each in json.loads(fields.tobytes().decode()):

@@ -29,14 +29,6 @@ _HEADS = {
 }
 
 
-def write_rollout(rollout: Rollout, path: Path) -> None:
-    """Write the rows of a rollout."""
-    with path.open("w", encoding="utf-8", newline="") as file:
-        columns = rollout.columns()
-        _write_head(file, columns)
-        _write_rows(file, columns.values())
-
-
 class TableWriter:
     """Writes the rows of a robot's rollouts, part by part."""
 
@@ -52,7 +44,7 @@ class TableWriter:
         columns = rollout.columns()
         if not self._heads:
             self._heads = list(columns)
-            _write_head(self._file, columns)
+            csv.writer(self._file, lineterminator="\n").writerow(columns)
         new = rollout.time > self._last
         _write_rows(self._file, [columns[head][new] for head in self._heads])
         if new.any():
@@ -62,11 +54,6 @@ class TableWriter:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
-
-
-def _write_head(file: IO[str], heads: Iterable[str]) -> None:
-    """Write the first line of a table."""
-    csv.writer(file, lineterminator="\n").writerow(heads)
 
 
 def _write_rows(file: IO[str], columns: Iterable[Array]) -> None:

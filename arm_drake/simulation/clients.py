@@ -74,15 +74,7 @@ class ControllerHandle:
         system: ControllerInterface,
         type_: str,
     ) -> None:
-        """Create the handle; `Simulation.controller` does that.
-
-        Args:
-            mailbox: Of the simulation where the controller runs.
-            robot: Whose controller it is.
-            name: Name of the controller with its prefix.
-            system: The controller.
-            type_: Its ros2_control type.
-        """
+        """Create the handle; `Simulation.controller` does that."""
         self.name = name
         self._mailbox, self._robot = mailbox, robot
         self._system, self._type = system, type_
@@ -323,12 +315,7 @@ class TopicHandle:
     """Sends to one topic, or reads it."""
 
     def __init__(self, mailbox: Mailbox, topic: Topic) -> None:
-        """Create the handle; `Simulation.topic` does that.
-
-        Args:
-            mailbox: Of the simulation where the topic is.
-            topic: Who takes its messages, and who publishes them.
-        """
+        """Create the handle; `Simulation.topic` does that."""
         self.name = topic.name
         self._mailbox = mailbox
         self._topic = topic
@@ -576,13 +563,11 @@ def publish_parameters(
     changes: Mapping[str, Any],
 ) -> None:
     """Put changed parameters on a controller's port, upon what was changed before."""
-    name = system.params.controller_name
-    config = next(c for c in robot.controllers.controllers if c.name == name)
+    config, schema = _find_schema(robot, system)
+    assert schema is not None  # It could be loaded.
+    present = _changed_before(system, context)
+    parameters = _change_parameters(config, schema, present, changes, robot.distro)
     port = system.GetInputPort(interfaces.PARAMETERS_PORT)
-    present = port.Eval(context) if port.HasValue(context) else None
-    parameters = change_parameters(
-        config, present, changes, distro=robot.distro, types=robot.controller_types
-    )
     port.FixValue(context, AbstractValue.Make(parameters))
 
 
@@ -598,12 +583,21 @@ def list_parameters(
         return {}
     present = None
     if system.HasInputPort(interfaces.PARAMETERS_PORT):
-        port = system.GetInputPort(interfaces.PARAMETERS_PORT)
-        present = port.Eval(context) if port.HasValue(context) else None
+        present = _changed_before(system, context)
     if present is None:
-        base = {n: p for n, p in config.parameters.items() if n not in _OF_THE_MANAGER}
-        present, _ = _load(schema, config, base, robot.distro)
+        present, _ = _load(schema, config, _own_parameters(config), robot.distro)
     return {name: _plain(value) for name, value in _leaves(present, "")}
+
+
+def _changed_before(system: ControllerInterface, context: Context) -> Any:
+    """Return the parameters that a controller was given while it runs, if any."""
+    port = system.GetInputPort(interfaces.PARAMETERS_PORT)
+    return port.Eval(context) if port.HasValue(context) else None
+
+
+def _own_parameters(config: ControllerConfig) -> dict[str, Parameter]:
+    """Return what the YAML gives a controller and not the manager."""
+    return {n: p for n, p in config.parameters.items() if n not in _OF_THE_MANAGER}
 
 
 def is_changeable(robot: Robot, system: ControllerInterface, name: str) -> bool:
@@ -630,13 +624,12 @@ def _find_schema(
     return config, None if row is None else row.parameters
 
 
-def change_parameters(
+def _change_parameters(
     config: ControllerConfig,
+    schema: type,
     present: Any,
     changes: Mapping[str, Any],
-    *,
     distro: str,
-    types: Mapping[str, Any] | None = None,
 ) -> Any:
     """Return a controller's parameters with some changed."""
     if not isinstance(changes, Mapping):
@@ -646,10 +639,7 @@ def change_parameters(
     for name in _OF_THE_MANAGER:
         if name in new:
             raise ParameterError(_FIXED, where=f"{config.name}.{name}")
-    base = {n: p for n, p in config.parameters.items() if n not in _OF_THE_MANAGER}
-    row = find_controller_type(config.type, types or {})
-    assert row is not None  # It could be loaded.
-    schema = row.parameters
+    base = _own_parameters(config)
     first, _ = _load(schema, config, base, distro)
     present = first if present is None else present
     old = dict(_leaves(first, ""))

@@ -41,13 +41,7 @@ class GoalHandle:
     """A goal that was sent to a controller: what an action client sees of it."""
 
     def __init__(self, controller: str, request: SendGoal, where: str) -> None:
-        """Create the handle; `ControllerHandle.send_goal` does that.
-
-        Args:
-            controller: Name of the controller.
-            request: What was sent.
-            where: Where the goal comes from, for messages; empty if from a program.
-        """
+        """Create the handle; `ControllerHandle.send_goal` does that."""
         self.controller, self.request, self.where = controller, request, where
         self.status = GoalStatus.PENDING
         self.result: Result | None = None

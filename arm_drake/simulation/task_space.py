@@ -15,7 +15,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from arm_drake.description.robot import Robot
-from arm_drake.errors import InputError, SimulationError, suggest
+from arm_drake.errors import InputError, SimulationError, check_known
 from arm_drake.importing import dataclass
 from arm_drake.messages import JointTrajectory, JointTrajectoryPoint, Message
 from arm_drake.messages.base import to_message
@@ -123,10 +123,9 @@ def check_plan(robot: Robot, message: PlanTo) -> str:
         if isinstance(state, str):
             find_state(group, state)
     constraint = plan_options(message).get("path_constraint")
-    links = robot.description.links
-    if constraint is not None and constraint.link_name not in links:
-        hint = suggest(constraint.link_name, links)
-        raise InputError(f"upright: no link {constraint.link_name!r}; {hint}")
+    if constraint is not None:
+        links = robot.description.links
+        check_known("link", constraint.link_name, links, argument="upright")
     return find_receiver(robot, group)
 
 
@@ -227,12 +226,7 @@ class TaskSpaceRequest(TopicHandle):
     def publish(self, data: Any, *, where: str = "") -> None:
         """Ask for something; what can't be done is among `Simulation.rejected`.
 
-        Args:
-            data: A request, or a mapping of its fields; of `home` also a bool.
-            where: Where it comes from, for messages.
-
-        Raises:
-            InputError: If it is no such request.
+        That is a request, or a mapping of its fields; of `home` also a bool.
         """
         message = self._read(data)
         try:
@@ -245,13 +239,9 @@ class TaskSpaceRequest(TopicHandle):
             self._simulation.mailbox.reject(message, f"{self.name}: {reason}", where)
 
     def call(self, data: Any) -> KinematicResult | SetBoolResult:
-        """Ask for something, and return what the service would.
+        """Ask for something as by `publish`, and return what the service would.
 
-        Args:
-            data: As that of `publish`. A point that can't be reached moves nothing.
-
-        Raises:
-            InputError: If it is no such request, or the time isn't enough.
+        A point that can't be reached moves nothing.
         """
         message = self._read(data)
         if isinstance(message, SetBool):

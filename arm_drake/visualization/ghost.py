@@ -13,7 +13,7 @@ from pydrake.systems.framework import Context
 
 from arm_drake.description.joints import last_master, links_on
 from arm_drake.description.urdf import RobotDescription
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import InputError, check_known
 from arm_drake.visualization.link_drawings import (
     DrawnRobot,
     draw_solid,
@@ -140,14 +140,11 @@ class Ghost:
         """Return the positions of the whole plant."""
         q = self._rest.copy()
         for joint, value in positions.items():
-            if joint not in self._at:
-                hint = suggest(joint, self._at)
-                raise InputError(f"ghost {self._name!r}: no joint {joint!r}; {hint}")
+            ghost = f"ghost {self._name!r}"
+            check_known("joint", joint, self._at, argument=ghost)
             if not math.isfinite(value):
-                raise InputError(
-                    f"ghost {self._name!r}: joint {joint!r}: expected a finite number "
-                    f"[rad or m], got {value}"
-                )
+                problem = f"expected a finite number [rad or m], got {value}"
+                raise InputError(f"{ghost}: joint {joint!r}: {problem}")
             q[self._at[joint]] = value
         for joint, (master, factor, offset) in self._followers.items():
             if joint not in positions and master in positions:

@@ -166,13 +166,7 @@ class Client(tornado.websocket.WebSocketHandler):
         """Say what is wrong, as the operation has it."""
         op, id_ = content.get("op"), content.get("id")
         if op == "call_service":
-            answer = {
-                "op": "service_response",
-                "service": content.get("service"),
-                "values": problem,
-                "result": False,
-            }
-            self.send(answer if id_ is None else {**answer, "id": id_})
+            self.send(_response(content, problem, is_done=False))
         elif op == "send_action_goal":
             self.send(_no_result(content, problem))
         else:
@@ -252,6 +246,16 @@ def _read(message: str | bytes) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise InputError(f"expected an object with op, got a {type(content).__name__}")
     return content
+
+
+def _response(call: Mapping[str, Any], values: Any, *, is_done: bool) -> dict[str, Any]:
+    answer = {
+        "op": "service_response",
+        "service": call.get("service"),
+        "values": values,
+        "result": is_done,
+    }
+    return answer if call.get("id") is None else {**answer, "id": call["id"]}
 
 
 def _no_result(content: Mapping[str, Any], problem: str) -> dict[str, Any]:
@@ -518,15 +522,7 @@ class Rosbridge:
         compression = content.get("compression") or "none"
 
         def reply(values: Any) -> None:
-            answer = {
-                "op": "service_response",
-                "service": content.get("service"),
-                "values": values,
-                "result": True,
-            }
-            if content.get("id") is not None:
-                answer["id"] = content["id"]
-            client.send(answer, compression, size)
+            client.send(_response(content, values, is_done=True), compression, size)
 
         if name.startswith("/rosapi/"):
             from arm_drake.wire.rosapi import call_rosapi
@@ -570,15 +566,8 @@ class Rosbridge:
         waiting = self._calls.pop(str(content.get("id")), None)
         if waiting is None:
             raise InputError("nobody waits for this response")
-        answer = {
-            "op": "service_response",
-            "service": waiting.request.get("service"),
-            "values": content.get("values"),
-            "result": bool(content.get("result", True)),
-        }
-        if waiting.request.get("id") is not None:
-            answer["id"] = waiting.request["id"]
-        waiting.client.send(answer)
+        values, is_done = content.get("values"), bool(content.get("result", True))
+        waiting.client.send(_response(waiting.request, values, is_done=is_done))
 
     def _do_advertise_service(self, client: Client, content: dict[str, Any]) -> None:
         own = self.server.graph.services

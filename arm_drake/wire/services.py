@@ -12,7 +12,7 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, RigidBody
+from pydrake.multibody.tree import RigidBody
 
 from arm_drake.controllers import list_types
 from arm_drake.controllers.controller_interface import ControllerInterface
@@ -650,11 +650,9 @@ def _thing_services(simulation: Simulation) -> Iterator[Service]:
     if not isinstance(plant, MultibodyPlant):
         return
     bodies = {}
-    for index in range(plant.num_bodies()):
-        body = plant.get_body(BodyIndex(index))
-        if body.is_floating_base_body():
-            name = plant.GetModelInstanceName(body.model_instance())
-            bodies[body.name() if name in bodies else name] = body
+    for body in map(plant.get_body, sorted(plant.GetFloatingBaseBodies())):
+        name = plant.GetModelInstanceName(body.model_instance())
+        bodies[body.name() if name in bodies else name] = body
     if not bodies:
         return
     things = _Things(simulation, plant, bodies)

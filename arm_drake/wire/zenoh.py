@@ -10,7 +10,7 @@ import struct
 import time
 import uuid
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 import zenoh
 import zenoh.ext
@@ -38,6 +38,9 @@ _MAX_SIZE = 10_000_000
 _STATUS, _CANCEL = "action_msgs/msg/GoalStatusArray", "action_msgs/srv/CancelGoal"
 _REJECTED, _NOT_KNOWN, _NO_ERROR = 1, 2, 0
 _EXECUTING, _CANCELING = 2, 3
+
+# Takes the response to a call.
+_Reply: TypeAlias = Callable[[dict[str, Any]], None]
 
 # So many goals of an action, and their results, are remembered.
 _NUM_GOALS = 100
@@ -122,7 +125,7 @@ class _ActionServer:
         self._action, self._server = action, transport.server
         self._goals: dict[bytes, dict[str, Any]] = {}
         self._results: dict[bytes, dict[str, Any]] = {}
-        self._waiting: dict[bytes, list[Callable[[dict[str, Any]], None]]] = {}
+        self._waiting: dict[bytes, list[_Reply]] = {}
         base, node = f"{action.name}/_action", action.node
         self._feedback = _Publisher(
             transport,
@@ -137,9 +140,7 @@ class _ActionServer:
         serve(f"{base}/get_result", f"{action.type}_GetResult", node, self._result)
         serve(f"{base}/cancel_goal", _CANCEL, node, self._cancel)
 
-    def _send(
-        self, request: dict[str, Any], reply: Callable[[dict[str, Any]], None]
-    ) -> None:
+    def _send(self, request: dict[str, Any], reply: _Reply) -> None:
         id_ = bytes(request["goal_id"]["uuid"])
 
         def refuse(problem: str) -> None:
@@ -154,9 +155,7 @@ class _ActionServer:
             Request("goal", self._action.name, fields, sender, id_.hex(), take, refuse)
         )
 
-    def _take(
-        self, id_: bytes, event: GoalEvent, reply: Callable[[dict[str, Any]], None]
-    ) -> None:
+    def _take(self, id_: bytes, event: GoalEvent, reply: _Reply) -> None:
         sec, nanosec = divmod(event.stamp_ns, 10**9)
         stamp = {"sec": sec, "nanosec": nanosec}
         goal = {"goal_id": {"uuid": list(id_)}, "stamp": stamp}
@@ -186,9 +185,7 @@ class _ActionServer:
     def _publish_status(self) -> None:
         self._status.publish({"status_list": list(self._goals.values())})
 
-    def _result(
-        self, request: dict[str, Any], reply: Callable[[dict[str, Any]], None]
-    ) -> None:
+    def _result(self, request: dict[str, Any], reply: _Reply) -> None:
         id_ = bytes(request["goal_id"]["uuid"])
         if id_ in self._results:
             reply(self._results[id_])
@@ -197,9 +194,7 @@ class _ActionServer:
         else:
             reply({"status": 0})
 
-    def _cancel(
-        self, request: dict[str, Any], reply: Callable[[dict[str, Any]], None]
-    ) -> None:
+    def _cancel(self, request: dict[str, Any], reply: _Reply) -> None:
         goal_id = bytes(request["goal_info"]["goal_id"]["uuid"])
         running = [i for i, g in self._goals.items() if g["status"] == _EXECUTING]
         chosen = running if not any(goal_id) else [i for i in running if i == goal_id]
@@ -359,7 +354,7 @@ class Zenoh:
         name: str,
         type_: str,
         node: str,
-        call: Callable[[dict[str, Any], Callable[[dict[str, Any]], None]], None],
+        call: Callable[[dict[str, Any], _Reply], None],
     ) -> None:
         """Answer calls of a service, given what does one and how to reply."""
         types = self.server.types
@@ -400,7 +395,7 @@ class Zenoh:
         self,
         service: Service,
         request: dict[str, Any],
-        reply: Callable[[dict[str, Any]], None],
+        reply: _Reply,
     ) -> None:
         def refuse(problem: str) -> None:
             # A response of ROS has no room for an error, but for what it has itself.

@@ -196,6 +196,25 @@ def test_what_is_no_limit_or_no_direction_is_an_error(tmp_path: Path) -> None:
     ]
 
 
+def test_what_is_no_friction_or_no_multiplier_is_an_error(tmp_path: Path) -> None:
+    mimic = """<mimic joint="swing" axis="axis"><multiplier>twice</multiplier>
+      </mimic></axis></joint>"""
+    ground = """<collision name="c"><geometry><sphere><radius>0.1</radius></sphere>
+      </geometry><surface><friction><ode><mu>high</mu></ode></friction></surface>
+      </collision></link>"""
+    model = FRAMES.replace("</axis></joint>", mimic, 1).replace("</link>", ground, 1)
+
+    found = [str(entry) for entry in load(tmp_path, model, version="1.11").report]
+
+    assert [
+        line.partition("model.sdf: ")[2] for line in found if "expected" in line
+    ] == [
+        "link 'tip': friction mu: expected a number, got 'high'; taken as not given",
+        "joint 'lift': mimic multiplier: expected a number, got 'twice'; "
+        "taken as not given",
+    ]
+
+
 def test_joints_follow_others(tmp_path: Path) -> None:
     follower = """<mimic joint="swing" axis="axis"><multiplier>2</multiplier>
       <offset>0.5</offset><reference>0.1</reference></mimic></axis></joint>"""
@@ -404,7 +423,7 @@ def test_what_urdf_has_no_words_for_is_reported(tmp_path: Path) -> None:
     assert "<model> in the model; it is left out" in " ".join(found)
     assert "link 'a': geometry <heightmap> of collision 'hill'; it is left out" in found
     assert "joint 'j': a joint of type 'screw'; the joint is fixed" in found
-    assert "<gazebo> tags <gravity>; they have no effect" in found
+    assert "link 'a': <gravity> is 'false'; it has its weight here" in found
 
 
 def test_a_base_beside_the_model_is_told(tmp_path: Path) -> None:

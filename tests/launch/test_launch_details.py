@@ -908,6 +908,34 @@ def test_a_node_with_controllers_and_spawners_is_a_controller_manager(
     assert f"node {told}; it is taken as a controller manager" in str(plan.report)
 
 
+def test_the_ros2_control_node_of_another_package_is_a_controller_manager(
+    package: Path,
+) -> None:
+    # As mujoco_ros2_control has it, with types in the files of the spawners alone.
+    path = describe(
+        package,
+        """
+        publisher(),
+        Node(package="own_simulator", executable="ros2_control_node",
+             parameters=[{"update_rate": 50}]),
+        spawner("forward", "--param-file", CONTROLLERS),
+        """,
+        "CONTROLLERS = get_package_share_directory('pendulum_bringup') "
+        "+ '/config/controllers.yaml'",
+    )
+
+    plan = ad.load_launch(path)
+
+    (robot,) = plan.robots
+    assert (robot.has_manager, robot.spawned) == (True, {"forward": "active"})
+    assert not plan.not_started
+    told = "own_simulator/ros2_control_node is asked for controllers of"
+    assert (
+        f"node {told} /controller_manager; it is taken as a controller manager"
+        in str(plan.report)
+    )
+
+
 def test_a_world_that_a_robot_is_put_into_by_other_means_has_its_controllers(
     package: Path,
 ) -> None:

@@ -155,7 +155,10 @@ def test_the_difference_of_two_times_may_exceed_the_range():
             lambda: JointTrajectoryPoint(time_from_start=None),
             f"time_from_start: {TIME}, got None",
         ),
-        (lambda: JointTrajectory(header=None), "header: expected a Header, got None"),
+        (
+            lambda: JointTrajectory(header=None),
+            "header: expected a Header, got None; or a mapping of its fields",
+        ),
         (
             lambda: JointTrajectory(joint_names="j1"),
             "joint_names: expected names, got 'j1'",
@@ -171,6 +174,10 @@ def test_the_difference_of_two_times_may_exceed_the_range():
         (
             lambda: JointTrajectory(points=[JointTrajectoryPoint(), 3]),
             "points[1]: expected a JointTrajectoryPoint, got 3",
+        ),
+        (
+            lambda: JointTrajectory(points=[{"positions": 0}]),
+            "points[0].positions: expected numbers, got 0",
         ),
         (
             lambda: JointTrajectory(points=JointTrajectoryPoint()),
@@ -407,6 +414,16 @@ def test_a_trajectory_and_a_goal_take_lists():
     assert goal.path_tolerance == (JointTolerance("a"),)
     assert goal.goal_tolerance == (JointTolerance("b"),)
     assert goal.goal_time_tolerance == Duration(1, 500_000_000)
+
+
+def test_a_trajectory_takes_mappings_as_a_topic_has_them():
+    point = {"positions": [1], "time_from_start": {"sec": 2, "nanosec": 0}}
+
+    trajectory = JointTrajectory({"frame_id": "a"}, ["j"], [point])
+
+    assert trajectory == JointTrajectory(
+        Header(frame_id="a"), ("j",), (JointTrajectoryPoint((1.0,), time_from_start=2),)
+    )
 
 
 def test_equal_goals_sent_twice_are_two_requests():

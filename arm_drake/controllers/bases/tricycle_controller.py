@@ -7,6 +7,7 @@ rear axle; a step takes dt [s].
 
 import dataclasses as dc
 import math
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -343,8 +344,9 @@ class TricycleController(BaseController[TricycleControllerState]):
         self._wheelbase, self._radius = parameters.wheelbase, parameters.wheel_radius
         self._is_open_loop = parameters.open_loop
         self._timeout_ns = parameters.cmd_vel_timeout * _MILLISECONDS
-        self._traction = _make_traction_limiter(parameters.traction)
-        self._steering = _make_steering_limiter(parameters.steering)
+        traction, steering = parameters.traction, parameters.steering
+        self._traction = TractionLimiter(*_ranges(traction, TractionLimiter._fields))
+        self._steering = SteeringLimiter(*_ranges(steering, SteeringLimiter._fields))
         self._has_pose = not parameters.odom_only_twist
         names = (
             f"{parameters.traction_joint_name}/{interfaces.VELOCITY}",
@@ -433,21 +435,11 @@ class TricycleController(BaseController[TricycleControllerState]):
         return AckermannDrive(steering_angle=angle, speed=rate)
 
 
-def _make_traction_limiter(limits: TractionLimits) -> TractionLimiter:
-    return TractionLimiter(
-        velocity=make_range(limits.min_velocity, limits.max_velocity),
-        acceleration=make_range(limits.min_acceleration, limits.max_acceleration),
-        deceleration=make_range(limits.min_deceleration, limits.max_deceleration),
-        jerk=make_range(limits.min_jerk, limits.max_jerk),
-    )
-
-
-def _make_steering_limiter(limits: SteeringLimits) -> SteeringLimiter:
-    return SteeringLimiter(
-        position=make_symmetric_range(limits.min_position, limits.max_position),
-        velocity=make_range(limits.min_velocity, limits.max_velocity),
-        acceleration=make_range(limits.min_acceleration, limits.max_acceleration),
-    )
+def _ranges(limits: Any, quantities: Iterable[str]) -> Iterator[Range | None]:
+    """Yield the ranges of quantities; that of a position is symmetric."""
+    for name in quantities:
+        make = make_symmetric_range if name == "position" else make_range
+        yield make(getattr(limits, f"min_{name}"), getattr(limits, f"max_{name}"))
 
 
 def _round(command: TricycleCommand) -> TricycleCommand:

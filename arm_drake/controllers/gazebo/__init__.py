@@ -10,6 +10,7 @@ from arm_drake.controllers.controller_interface import (
 from arm_drake.controllers.registry import import_name
 from arm_drake.description import gazebo_plugins
 from arm_drake.description.gazebo_plugins import ContactSensorTag, ImuSensorTag
+from arm_drake.description.plugin_control import GROUPED
 
 # "module:System" by class of the tag, imported when a robot has one.
 _SYSTEMS: Mapping[type, str] = {
@@ -28,7 +29,7 @@ _SYSTEMS: Mapping[type, str] = {
     gazebo_plugins.MecanumDrive: "mecanum_drive:MecanumDrive",
     gazebo_plugins.VelocityControl: "velocity_control:VelocityControl",
     gazebo_plugins.GazeboRosPlanarMove: "velocity_control:GazeboRosPlanarMove",
-    gazebo_plugins.GazeboRosAckermannDrive: ("ackermann_drive:GazeboRosAckermannDrive"),
+    gazebo_plugins.GazeboRosAckermannDrive: "ackermann_drive:GazeboRosAckermannDrive",
     gazebo_plugins.GazeboRosDiffDrive: "diff_drive:GazeboRosDiffDrive",
     gazebo_plugins.GazeboRosJointPoseTrajectory: (
         "joint_trajectory:GazeboRosJointPoseTrajectory"
@@ -37,13 +38,6 @@ _SYSTEMS: Mapping[type, str] = {
         "joint_state_publisher:GazeboRosJointStatePublisher"
     ),
 }
-
-# Those whose system stands for all tags of the kind.
-_OF_ALL = (
-    gazebo_plugins.JointPositionController,
-    gazebo_plugins.JointController,
-    gazebo_plugins.ApplyJointForce,
-)
 
 
 def find_system(kind: type) -> Callable[..., ControllerInterface]:
@@ -59,4 +53,4 @@ def make_plugin(
     """Return the system that stands for tags of one kind: for one, or for all."""
     kind = type(tags[0])
     system = find_system(kind)
-    return system(tuple(tags) if kind in _OF_ALL else tags[0], params)
+    return system(tuple(tags) if kind in GROUPED else tags[0], params)

@@ -39,6 +39,7 @@ from arm_drake.controllers.gazebo.drive import (
 )
 from arm_drake.controllers.gazebo.plugin import (
     drive_topics,
+    is_early,
 )
 from arm_drake.controllers.topics import Inbox
 from arm_drake.description.gazebo_plugins import DiffDrive as DiffDriveTag
@@ -334,8 +335,7 @@ class GazeboRosDiffDrive(ClassicController[ClassicDriveState]):
             truth, *_ = self._see(now) or (None,)
             state = state._replace(truth=truth)
         elapsed_ns = now.time_ns - state.last_ns
-        # Times of ticks are cut to whole nanoseconds.
-        if self._rate > 0.0 and (elapsed_ns + 1) * self._rate < NANOSECONDS:
+        if is_early(elapsed_ns, self._rate):
             return state
         state = self._publish(now, state, elapsed_ns / NANOSECONDS)
         v, w = state.target

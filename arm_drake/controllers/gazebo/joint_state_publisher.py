@@ -17,14 +17,18 @@ from arm_drake.controllers.controller_interface import (
     ControllerInterfaceParams,
 )
 from arm_drake.controllers.cycles import last_cycle
-from arm_drake.controllers.gazebo.plugin import joint_state_topic, ros_topic
+from arm_drake.controllers.gazebo.plugin import (
+    is_early,
+    joint_state_topic,
+    ros_topic,
+)
 from arm_drake.description.gazebo_plugins import (
     GazeboRosJointStatePublisher as GazeboRosJointStatePublisherTag,
 )
 from arm_drake.description.gazebo_plugins import (
     JointStatePublisher as JointStatePublisherTag,
 )
-from arm_drake.messages import NANOSECONDS, Header, JointState
+from arm_drake.messages import Header, JointState
 
 
 class JointStatePublisher(ControllerInterface):
@@ -144,9 +148,7 @@ class GazeboRosJointStatePublisher(ControllerInterface):
             return
         time_ns = self._time_ns(context)
         last_ns = float(context.get_discrete_state(self._time).value()[0])
-        # Times of ticks are cut to whole nanoseconds. NaN compares as false.
-        elapsed_ns = time_ns - last_ns + 1.0
-        if self._rate > 0.0 and elapsed_ns * self._rate < NANOSECONDS:
+        if is_early(time_ns - last_ns, self._rate):
             return
         state.set_value(self._time, [time_ns])
         state.set_value(self._sample, self._read(context))

@@ -21,6 +21,7 @@ from arm_drake.controllers.gazebo.plugin import (
     GazeboPid,
     GazeboPidState,
     JointForces,
+    is_early,
     ros_topic,
     trajectory_topic,
 )
@@ -387,11 +388,9 @@ class GazeboRosJointPoseTrajectory(TopicController[PoseTrajectoryState]):
     ) -> PoseTrajectoryState:
         state = self._receive(now, state)
         replay, time_ns = state.replay, now.time_ns
-        if (
-            replay is None
-            or time_ns < replay.start_ns
-            or self._is_early(time_ns, state)
-        ):
+        if replay is None or time_ns < replay.start_ns:
+            return state
+        if state.last_ns is not None and is_early(time_ns - state.last_ns, self._rate):
             return state
         point = replay.message.points[replay.point]
         command = state.command.copy()
@@ -406,13 +405,6 @@ class GazeboRosJointPoseTrajectory(TopicController[PoseTrajectoryState]):
         return state._replace(
             command=command, replay=following if has_more else None, last_ns=time_ns
         )
-
-    def _is_early(self, time_ns: int, state: PoseTrajectoryState) -> bool:
-        """Return whether the last point was set less than 1 / update_rate ago."""
-        if state.last_ns is None or self._rate <= 0.0:
-            return False
-        # Times of ticks are cut to whole nanoseconds.
-        return (time_ns - state.last_ns + 1) * self._rate < NANOSECONDS
 
     def _take(
         self, state: PoseTrajectoryState, message: JointTrajectory, time_ns: int

@@ -27,14 +27,14 @@ from arm_drake.arrays import Array, Indices, Mask, clamp
 from arm_drake.description.gazebo_plugins import (
     AckermannSteering,
     ApplyJointForce,
+    ClassicBase,
     ContactSensorTag,
-    GazeboRosAckermannDrive,
     GazeboRosDiffDrive,
     GazeboRosJointPoseTrajectory,
     GazeboRosJointStatePublisher,
-    GazeboRosPlanarMove,
     ImuSensorTag,
     JointController,
+    JointPlugin,
     JointPositionController,
     JointStatePublisher,
     JointTrajectoryController,
@@ -225,30 +225,9 @@ class JointForces(Message):
         return np.bincount(self._joint, weights, minlength=k).astype(float)
 
 
-GazeboTag = (
-    JointPositionController
-    | JointController
-    | ApplyJointForce
-    | JointTrajectoryController
-    | JointStatePublisher
-    | WheelDrive
-    | OdometryPublisher
-    | VelocityControl
-    | ImuSensorTag
-    | GazeboRosJointPoseTrajectory
-    | GazeboRosJointStatePublisher
-    | GazeboRosDiffDrive
-    | GazeboRosPlanarMove
-    | GazeboRosAckermannDrive
-)
+GazeboTag = JointPlugin | ImuSensorTag
 
-_Classic = (
-    GazeboRosJointPoseTrajectory
-    | GazeboRosJointStatePublisher
-    | GazeboRosDiffDrive
-    | GazeboRosPlanarMove
-    | GazeboRosAckermannDrive
-)
+_Classic = ClassicBase | GazeboRosJointPoseTrajectory | GazeboRosJointStatePublisher
 _OneJoint = JointPositionController | JointController
 
 # What a topic of Gazebo Sim can't have in its name.
@@ -435,6 +414,12 @@ _LONGEST_NS = 2**62
 def publish_period_ns(rate: float) -> int:
     """Return the time between messages at a rate [Hz]; 0 for each tick."""
     return int(min(NANOSECONDS / rate, _LONGEST_NS)) if rate > 0.0 else 0
+
+
+def is_early(elapsed_ns: float, rate: float) -> bool:
+    """Return whether less than 1 / rate [Hz] has passed; a rate of 0 is every tick."""
+    # Times of ticks are cut to whole nanoseconds. NaN compares as false.
+    return rate > 0.0 and (elapsed_ns + 1) * rate < NANOSECONDS
 
 
 def as_topic(name: str) -> str:

@@ -60,10 +60,11 @@ def read_collada(
     if zipfile.is_zipfile(io.BytesIO(content)):
         raise ValueError("it is a ZIP archive")
     document = collada.Collada(io.BytesIO(content), ignore=[collada.DaeError])
-    if document.errors and (lost := _drop_materials(document)):
+    root = ET.fromstring(content) if document.errors else None  # noqa: S314  checked.
+    if root is not None and (lost := _drop_materials(root, document)):
         what = f"its materials {quoted(lost)} can't be read ({document.errors[0]})"
         notes.append(ReportEntry("warning", "invalid", what, "drawn without them"))
-        rest = io.BytesIO(ET.tostring(document.xmlnode.getroot()))
+        rest = io.BytesIO(ET.tostring(root))
         document = collada.Collada(rest, ignore=[collada.DaeError])
     if document.scene is None:
         reason = document.errors[0] if document.errors else "it has no <scene>"
@@ -101,7 +102,7 @@ def read_collada(
     notes.append(ReportEntry("warning", "invalid", what, "left out"))
 
 
-def _drop_materials(document: Any) -> list[str]:
+def _drop_materials(root: ET.Element, document: Any) -> list[str]:
     """Remove what refers to materials that couldn't be read; return their names.
 
     RViz and Gazebo draw the shape without such a material, pycollada leaves it out.
@@ -111,9 +112,9 @@ def _drop_materials(document: Any) -> list[str]:
         "material": {material.id for material in document.materials},
     }
     lost: dict[str, None] = {}
-    for parent in list(document.xmlnode.iter()):
+    for parent in list(root.iter()):
         for child in list(parent):
-            kind = str(child.tag).rpartition("}")[2]
+            kind = child.tag.rpartition("}")[2]
             target = child.get("target", "").removeprefix("#")
             if kind == "instance_material" and target not in read["material"]:
                 lost[target] = None

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from pydrake.math import RigidTransform
 
-from arm_drake.errors import InputError, check_known, suggest
+from arm_drake.errors import check_known
 from arm_drake.visualization.meshcat import (
     THREE_QUARTER,
     has_moved_camera,
@@ -32,6 +32,8 @@ _NOTHING = "nothing"
 class CameraPart(Part):
     """The section that says where the camera is."""
 
+    word = "camera"
+
     def __init__(
         self,
         page: Scene,
@@ -50,23 +52,15 @@ class CameraPart(Part):
         self._start, self._before, self._way = np.zeros(3), np.zeros(3), np.zeros(3)
 
     def look(self, name: str) -> None:
-        """Look at all of the robots from "aslant", "top", "front" or "side".
-
-        Raises:
-            InputError: If there is no such direction.
-        """
+        """Look at all of the robots from one of `DIRECTIONS`."""
         check_known("view", name, DIRECTIONS, argument="camera")
         self._frame(DIRECTIONS[name])
 
     def follow(self, link: str | None) -> None:
-        """Let the camera go where a link goes, without turning; None is no link.
-
-        Raises:
-            InputError: If there is no such link.
-        """
+        """Let the camera go where a link goes, without turning; None is no link."""
         poses = self._poses()
-        if link is not None and link not in poses:
-            raise InputError(f"camera: no link {link!r}; {suggest(link, poses)}")
+        if link is not None:
+            check_known("link", link, poses, argument="camera")
         self.followed = link or ""
         is_placed_anew = not has_moved_camera(self._page.meshcat)
         self._before = self._way = np.zeros(3) if is_placed_anew else self._way
@@ -90,16 +84,12 @@ class CameraPart(Part):
                 self._way = self._before + now.translation() - self._start
                 move_camera(self._page.meshcat, self._way)
 
-    def handle(self, event_id: str, value: object) -> bool:
-        """Do what was clicked, and return whether it was one of these widgets."""
-        kind, _, what = event_id.partition(":")
-        if kind != "camera":
-            return False
+    def act(self, what: str, value: object) -> None:
+        """Do what one of its widgets stands for."""
         if what == "follow":
             self.follow(None if value == _NOTHING else str(value))
         else:
             self.look(what)
-        return True
 
     def changes(self) -> dict[str, dict[str, Any]]:
         """Return present fields of its widgets, by id."""

@@ -37,6 +37,8 @@ _QUALITY = 85
 class CameraPictures(Part):
     """The section that shows what a camera sees; no picture is taken but that one."""
 
+    word = "cameras"
+
     def __init__(self, live: Live, cameras: tuple[str, ...]) -> None:
         """Create it for the cameras of a simulation, with none shown."""
         self._live, self._names = live, cameras
@@ -60,13 +62,7 @@ class CameraPictures(Part):
         return (_NOTHING, *found)
 
     def show(self, what: str) -> None:
-        """Show "<camera> <kind>" from now on, or "nothing".
-
-        A camera alone stands for its first picture.
-
-        Raises:
-            InputError: If there is no such camera or picture.
-        """
+        """Show one of the options; a camera alone stands for its first picture."""
         known = self.options
         if what not in known:
             what = next((o for o in known if o.startswith(f"{what} ")), what)
@@ -109,16 +105,12 @@ class CameraPictures(Part):
             "cameras:picture": dict(self._fields),
         }
 
-    def handle(self, event_id: str, value: object) -> bool:
-        """Do what was chosen, and return whether it was one of these widgets."""
-        kind, _, what = event_id.partition(":")
-        if kind != "cameras":
-            return False
+    def act(self, what: str, value: object) -> None:
+        """Do what one of its widgets stands for."""
         if what == "shown":
             self.show(str(value))
         elif what == "frusta":
             self.show_frusta(bool(value))
-        return True
 
     def take_over(self, other: Part) -> None:
         """Show what the other one did."""

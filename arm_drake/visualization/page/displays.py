@@ -306,6 +306,8 @@ DISPLAYS: Mapping[str, type[Display]] = {
 class Displays(Part):
     """The section that chooses which topics are drawn; no other is read."""
 
+    word = "display"
+
     def __init__(self, live: Drawn, topics: Mapping[str, type[Display]]) -> None:
         """Create it for topics that can be drawn, with none drawn."""
         self._live, self.topics = live, topics
@@ -321,11 +323,7 @@ class Displays(Part):
         return tuple(self._shown)
 
     def show(self, topic: str, is_shown: bool = True) -> None:
-        """Draw what a topic says, or don't.
-
-        Raises:
-            InputError: If there is no such topic, or nothing draws its messages.
-        """
+        """Draw what a topic says, or don't."""
         if topic not in self.topics:
             hint = suggest(topic, self.topics)
             raise InputError(f"display: nothing draws a topic {topic!r}; {hint}")
@@ -373,13 +371,9 @@ class Displays(Part):
             return self._live.simulation.time
         return time.perf_counter()
 
-    def handle(self, event_id: str, value: object) -> bool:
-        """Do what was clicked, and return whether it was one of these widgets."""
-        kind, _, topic = event_id.partition(":")
-        if kind != "display":
-            return False
-        self.show(topic, bool(value))
-        return True
+    def act(self, what: str, value: object) -> None:
+        """Do what one of its widgets stands for."""
+        self.show(what, bool(value))
 
     def changes(self) -> dict[str, dict[str, Any]]:
         """Return present fields of its widgets, by id."""

@@ -77,6 +77,8 @@ class _Push:
 class Hands(Part):
     """The section that pulls and pushes bodies of a simulation."""
 
+    word = "hands"
+
     def __init__(self, live: Live) -> None:
         """Create it for the simulation's plant."""
         self._live = live
@@ -114,15 +116,10 @@ class Hands(Part):
         return found
 
     def pull(self, body: str, start: Sequence[float], target: Sequence[float]) -> None:
-        """Pull a body by a spring, until `release`.
+        """Pull one of `bodies` by a spring, until `release`.
 
-        Args:
-            body: Its name, as in `bodies`.
-            start: Where on the body the spring is fixed, in the world [m].
-            target: Where the spring's other end is now, in the world [m].
-
-        Raises:
-            InputError: If there is no such body.
+        It is fixed at `start` on the body, and its other end at `target` now, both in
+        the world [m].
         """
         self._hold(body, self._find(body), start, target)
 
@@ -132,15 +129,9 @@ class Hands(Part):
         self._live.page.meshcat.Delete(_PATH)
 
     def push(self, body: str, force: Sequence[float], duration: float) -> None:
-        """Push a body's center of mass for a while.
+        """Push the center of mass of one of `bodies` from now on for a while [s].
 
-        Args:
-            body: Its name, as in `bodies`.
-            force: In the world, along x, y and z [N].
-            duration: For how long, from now on [s].
-
-        Raises:
-            InputError: If there is no such body.
+        The force is in the world, along x, y and z [N].
         """
         until = self._live.simulation.time + duration
         self._pushes.append(_Push(self._find(body), np.array(force, float), until))
@@ -171,11 +162,8 @@ class Hands(Part):
         self.release()
         self._pushes, self._has_forces = [], False
 
-    def handle(self, event_id: str, value: object) -> bool:
-        """Do what was clicked or dragged; return whether it was one of its widgets."""
-        kind, _, what = event_id.partition(":")
-        if kind != "hands":
-            return False
+    def act(self, what: str, value: object) -> None:
+        """Do what one of its widgets stands for."""
         if what == "pull":
             self._drag(value)
         elif what == "release":
@@ -193,7 +181,6 @@ class Hands(Part):
                 self.direction = str(value)
         elif what in ("force", "duration") and isinstance(value, int | float):
             setattr(self, what, max(float(value), 0.0))
-        return True
 
     def changes(self) -> dict[str, dict[str, Any]]:
         """Return present fields of its widgets, and draw the spring."""

@@ -35,6 +35,8 @@ _SIZES = {"box": (1.0, 1.0, 1.0), "cylinder": (0.5, 1.0), "sphere": (0.5,)}
 class Insertion(Part):
     """The section that puts boxes, cylinders and balls into the simulation."""
 
+    word = "insert"
+
     def __init__(self, live: Live) -> None:
         """Create it."""
         self._live = live
@@ -42,11 +44,7 @@ class Insertion(Part):
         self.values = {name: start for name, (_, _, _, start, _) in _SLIDERS.items()}
 
     def insert(self) -> Thing:
-        """Put a thing where the sliders say; return it.
-
-        Raises:
-            InputError: If the simulation takes none.
-        """
+        """Put a thing where the sliders say; return it."""
         scene = self._live.scene
         taken = {thing.name for thing in scene.things} if scene is not None else set()
         taken |= set(self._live.simulation.robots)
@@ -87,11 +85,8 @@ class Insertion(Part):
             self.kind, self.color = other.kind, other.color
             self.values = dict(other.values)
 
-    def handle(self, event_id: str, value: object) -> bool:
-        """Do what was clicked, and return whether it was one of these widgets."""
-        kind, _, what = event_id.partition(":")
-        if kind != "insert":
-            return False
+    def act(self, what: str, value: object) -> None:
+        """Do what one of its widgets stands for."""
         if what == "now":
             self.insert()
         elif what in ("kind", "color"):
@@ -106,7 +101,6 @@ class Insertion(Part):
                 text = f"expected {lower:g} to {upper:g} {unit}, got {value:g}"
                 raise InputError(f"{label}: {text}")
             self.values[what] = float(value)
-        return True
 
     def changes(self) -> dict[str, dict[str, Any]]:
         """Return present fields of its widgets, by id."""

@@ -34,6 +34,8 @@ _NOTHING = "nothing"
 class Keyboard(Part):
     """The section that lets keys drive; nothing is sent while none is down."""
 
+    word = "keys"
+
     def __init__(self, live: Live) -> None:
         """Create it for the controllers of a simulation, switched off."""
         self._live = live
@@ -51,11 +53,7 @@ class Keyboard(Part):
         self._turning: set[str] = set()
 
     def hold(self, keys: Iterable[object]) -> None:
-        """Take which keys are down, in wall time now; others are not.
-
-        Args:
-            keys: Names as those of `ARROWS` and `DIGITS`, and "Shift".
-        """
+        """Take which of `ARROWS`, `DIGITS` and "Shift" are down, in wall time now."""
         known = {SHIFT, *ARROWS, *DIGITS}
         names = set(filter(known.__contains__, map(str, keys)))
         before, self._pressed = self._pressed, frozenset(names)
@@ -92,11 +90,8 @@ class Keyboard(Part):
             "keys:speed": {"value": self.percent},
         }
 
-    def handle(self, event_id: str, value: object) -> bool:
-        """Do what was clicked or pressed; return whether it was one of its widgets."""
-        kind, _, what = event_id.partition(":")
-        if kind != "keys":
-            return False
+    def act(self, what: str, value: object) -> None:
+        """Do what one of its widgets stands for."""
         if what == "held":
             self.hold(value if self.is_on and isinstance(value, list) else ())
         elif what == "on":
@@ -111,7 +106,6 @@ class Keyboard(Part):
             setattr(self, what, str(value))
         elif what == "speed" and isinstance(value, int | float) and value == value:
             self.percent = min(max(float(value), 1.0), 100.0)
-        return True
 
     def reset(self) -> None:
         """Let go of all keys."""

@@ -42,13 +42,7 @@ def find_number(message: Message, path: str) -> float | None:
     Elements of arrays are named by the joints or interfaces that the message names, or
     counted from 0. It is None if there is none now, or it isn't finite.
     """
-    value: Any = message
-    names: Sequence[str] = ()
-    for field, key in _STEP.findall(path):
-        names = _names_of(value) or names
-        value = getattr(value, field, None)
-        if key:
-            value = _element(value, key, names)
+    value = _look_up(message, path)
     if isinstance(value, Time):
         value = value.to_seconds()
     is_number = isinstance(value, int | float) and math.isfinite(value)
@@ -60,16 +54,26 @@ def may_have(message: Message, path: str) -> bool:
 
     Before its first tick a controller has told nothing.
     """
+    value = _look_up(message, path)
+    return value is _NOT_YET or isinstance(value, int | float | Time)
+
+
+# What an element is of an array that is empty now.
+_NOT_YET = object()
+
+
+def _look_up(message: Message, path: str) -> Any:
+    """Return what is at a path of a message, None if there is no such path."""
     value: Any = message
     names: Sequence[str] = ()
     for field, key in _STEP.findall(path):
         names = _names_of(value) or names
         value = getattr(value, field, None)
-        if value == ():
-            return bool(key)
+        if key and value == ():
+            return _NOT_YET
         if key:
             value = _element(value, key, names)
-    return isinstance(value, int | float | Time)
+    return value
 
 
 def _element(value: Any, key: str, names: Sequence[str]) -> Any:
@@ -108,6 +112,8 @@ class LivePlots(Part):
 
     Nothing is read while there is no curve.
     """
+
+    word = "plot"
 
     def __init__(self, live: Live) -> None:
         """Create it without a curve."""
@@ -149,14 +155,7 @@ class LivePlots(Part):
         ]
 
     def add(self, name: str) -> None:
-        """Plot a number of a topic from now on.
-
-        Args:
-            name: `<topic>/<field>`, as "/joint_states/position[joint1]".
-
-        Raises:
-            InputError: If there is no such topic or number, or no room.
-        """
+        """Plot a number from now on, as "/joint_states/position[joint1]"."""
         if name in self._curves:
             return
         if len(self._curves) >= MOST_CURVES:
@@ -179,11 +178,7 @@ class LivePlots(Part):
         self.advance()
 
     def remove(self, name: str) -> None:
-        """Plot a number no more.
-
-        Raises:
-            InputError: If it isn't plotted.
-        """
+        """Plot a number no more."""
         check_known("curve", name, self._curves, argument="plot")
         at = self.curves.index(name) + 1
         del self._curves[name]
@@ -223,11 +218,8 @@ class LivePlots(Part):
             self._num_new = 0
         return {"plot:topic": {"value": self._topic or _NOTHING}}
 
-    def handle(self, event_id: str, value: object) -> bool:
-        """Do what was chosen, and return whether it was one of these widgets."""
-        kind, _, what = event_id.partition(":")
-        if kind != "plot":
-            return False
+    def act(self, what: str, value: object) -> None:
+        """Do what one of its widgets stands for."""
         if what == "topic":
             self._choose("" if value == _NOTHING else str(value))
         elif what == "number":
@@ -238,7 +230,6 @@ class LivePlots(Part):
             self.remove(str(value))
         elif what in ("clear", "close"):
             getattr(self, what)()
-        return True
 
     def reset(self) -> None:
         """Begin anew with the simulation."""
@@ -283,8 +274,8 @@ class LivePlots(Part):
         )
 
     def _choose(self, topic: str) -> None:
-        if topic and topic not in (known := self.topics()):
-            raise InputError(f"plot: no topic {topic!r}; {suggest(topic, known)}")
+        if topic:
+            check_known("topic", topic, self.topics(), argument="plot")
         self._topic = topic
         options = [_NOTHING, *self._numbers()]
         self._live.page.patch({"plot:number": {"options": options, "value": _NOTHING}})

@@ -156,6 +156,9 @@ class LiveSimulation:
     # Whether `run` returns when the motion's tasks are done.
     ends = False
 
+    # For programs outside: its page goes on while it is paused, and it can be reset.
+    is_waiting, can_reset = False, True
+
     def __init__(
         self,
         page: Page,
@@ -238,7 +241,7 @@ class LiveSimulation:
         # Not at the top: nothing of it is needed else.
         from arm_drake.wire.server import RosServer
 
-        return RosServer(self.simulation, ros, controls=LiveControls(self)).start()
+        return RosServer(self.simulation, ros, controls=self).start()
 
     @property
     def is_playing(self) -> bool:
@@ -600,26 +603,6 @@ class LiveSimulation:
             self.views.refresh()
         if progress is not None:
             progress(self.simulation.time)
-
-
-class LiveControls:
-    """Pauses and plays a simulation on a page for programs outside."""
-
-    # Its page goes on while it is paused.
-    is_waiting = False
-    can_reset = True
-
-    def __init__(self, live: LiveSimulation) -> None:
-        """Create it."""
-        self._live = live
-
-    def pause(self) -> None:
-        """Let time stand."""
-        self._live.pause()
-
-    def play(self) -> None:
-        """Let time pass."""
-        self._live.play()
 
 
 class LogLines:

@@ -2,6 +2,7 @@
 
 import bisect
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import SceneGraph
@@ -13,7 +14,7 @@ from pydrake.systems.framework import Context
 from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.description.joints import WORLD
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import InputError, check_known
 from arm_drake.messages.sensors import ContactState
 from arm_drake.plant.kinematics import KinematicPlant
 from arm_drake.simulation.simulation import Simulation
@@ -85,7 +86,7 @@ class LiveViews:
         The simulation's diagram draws on the scene. `shown` is what is shown at first,
         as in `LinkViews`.
         """
-        self.scene = self._scene = scene
+        self.scene = scene
         self._simulation = simulation
         self._is_recorded = is_recorded
         self._robots = simulation.robots
@@ -140,7 +141,7 @@ class LiveViews:
     ) -> Ghost:
         """Return a transparent copy of a robot, of another name and colour."""
         return Ghost(
-            self._scene.meshcat,
+            self.scene.meshcat,
             self._plant,
             self._scene_graph,
             self._models[robot],
@@ -160,7 +161,7 @@ class LiveViews:
             self._show_contacts(is_shown)
         else:
             self._views.show(what, is_shown)
-        self._scene.patch({f"show:{what}": {"value": is_shown}})
+        self.scene.patch({f"show:{what}": {"value": is_shown}})
         self.draw()
 
     def set_fixed_frame(self, frame: str) -> None:
@@ -169,9 +170,10 @@ class LiveViews:
         It is "world" or a link; with several robots, `<robot>/<link>`; else an
         InputError.
         """
-        self._fixed_frame = self._find(frame, "fixed frame", self._frames)
-        set_ground_visible(self._scene.meshcat, is_visible=frame == WORLD)
-        self._scene.patch({"fixed_frame": {"value": frame}})
+        check_known("link", frame, self._frames, argument="fixed frame")
+        self._fixed_frame = frame
+        set_ground_visible(self.scene.meshcat, is_visible=frame == WORLD)
+        self.scene.patch({"fixed_frame": {"value": frame}})
         self.draw()
         if frame == WORLD:  # All goes back, and stays there without being drawn.
             self._draw_links()
@@ -185,14 +187,15 @@ class LiveViews:
             self._trail.clear()
         self._trail = None
         if frame is not None:
-            self._trail_link = self._find(frame, "trail", self._frames[1:])
-            self._trail = Trail(self._scene.meshcat)
-        self._scene.patch({"trail": {"value": frame or _NOTHING}})
+            check_known("link", frame, self._frames[1:], argument="trail")
+            self._trail_link = frame
+            self._trail = Trail(self.scene.meshcat)
+        self.scene.patch({"trail": {"value": frame or _NOTHING}})
         self.draw()
 
     def frame(self, direction: tuple[float, float, float] = THREE_QUARTER) -> None:
         """Point the camera at the robots, so that all of them is to be seen."""
-        frame_robots(self._simulation, self._scene.meshcat, direction=direction)
+        frame_robots(self._simulation, self.scene.meshcat, direction=direction)
 
     def drawn_poses(self) -> dict[str, RigidTransform]:
         """Return where links are drawn, by their names as frames."""
@@ -208,8 +211,7 @@ class LiveViews:
         if is_moving or self._views.needs_poses or self._trail or self._has_ghosts:
             self._draw_links()
         for name, arrows in self._arrows.items():
-            prefix = f"{name}/" if len(self._robots) > 1 else ""
-            arrows.show(self._simulation.eval_output(f"{prefix}contacts"))
+            arrows.show(self._contacts(name))
 
     def refresh(self) -> None:
         """Tell where the link of the readout is now, and what touches it."""
@@ -217,8 +219,7 @@ class LiveViews:
         contacts: list[ContactState] = []
         if self.has_physics:
             for name in self._robots:
-                prefix = f"{name}/" if len(self._robots) > 1 else ""
-                contacts += self._simulation.eval_output(f"{prefix}contacts").states
+                contacts += self._contacts(name).states
         things = self._simulation.things if self._things else {}
         where = {**things, **self._named(poses)}
         self.readout.update(where, self._fixed_frame, contacts)
@@ -243,7 +244,7 @@ class LiveViews:
             if frame is not None:
                 path = inspector.GetName(frame).replace("::", "/")
                 X_WB = plant.EvalBodyPoseInWorld(context, plant.get_body(index))
-                self._scene.meshcat.SetTransform(f"{VISUAL_PATH}/{path}", X_WB)
+                self.scene.meshcat.SetTransform(f"{VISUAL_PATH}/{path}", X_WB)
         self.end_recording()
         for ghost in self._ghosts.values():
             ghost.hide()
@@ -301,11 +302,6 @@ class LiveViews:
             return self.readout.handle(event_id, value)
         return True
 
-    def _find(self, frame: str, what: str, known: Sequence[str]) -> str:
-        if frame not in known:
-            raise InputError(f"{what}: no link {frame!r}; {suggest(frame, known)}")
-        return frame
-
     def _show_contacts(self, is_shown: bool) -> None:
         for arrows in self._arrows.values():
             arrows.hide()
@@ -320,8 +316,12 @@ class LiveViews:
         for name, model in self._models.items():
             mass = self._plant.CalcTotalMass(context, [model])
             poses = self._simulation.link_poses(name).values()
-            arrows = ContactArrows.of_robot(self._scene.meshcat, name, mass, poses)
+            arrows = ContactArrows.of_robot(self.scene.meshcat, name, mass, poses)
             self._arrows[name] = arrows
+
+    def _contacts(self, robot: str) -> Any:
+        prefix = self._simulation.directory.manager(robot).prefix
+        return self._simulation.eval_output(f"{prefix}contacts")
 
     def _named(self, poses: _Poses) -> dict[str, RigidTransform]:
         """Return poses of links by their names as frames."""
@@ -338,7 +338,7 @@ class LiveViews:
         """Move all so that the fixed frame stays."""
         X_WF = where.get(self._fixed_frame, RigidTransform())
         if self._is_recorded or not X_WF.IsExactlyEqualTo(self._X_WF):
-            self._scene.meshcat.SetTransform("/drake", X_WF.inverse(), time)
+            self.scene.meshcat.SetTransform("/drake", X_WF.inverse(), time)
             self._X_WF = RigidTransform(X_WF)
 
     def _draw_links(self) -> None:

@@ -16,7 +16,7 @@ from pydrake.geometry import Rgba
 from pydrake.math import RigidTransform
 
 from arm_drake.arrays import is_finite
-from arm_drake.description.joints import last_master
+from arm_drake.description.joints import last_master, links_on
 from arm_drake.description.robot import Robot
 from arm_drake.errors import ArmDrakeError, InputError, check_known
 from arm_drake.planning.groups import PlanningGroup, find_state, planning_groups
@@ -26,7 +26,7 @@ from arm_drake.simulation.mailbox import GoalHandle
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.ghost import Ghost
 from arm_drake.visualization.link_drawings import draw_triad
-from arm_drake.visualization.page.parts import Drawn
+from arm_drake.visualization.page.parts import Drawn, Viewer
 from arm_drake.visualization.page.scene import Scene, WidgetEvent
 from arm_drake.visualization.page.widgets import (
     Button,
@@ -92,11 +92,8 @@ class PlanningHost(Protocol):
     ) -> Ghost:
         """Return a transparent copy of a robot."""
 
-    def options(self, robot: str) -> dict[str, Any]:
-        """Return what `plan` is to know of the present."""
-
-    def planned(self, robot: str) -> Any:
-        """Return what `plan` plans for."""
+    def planned(self, robot: str) -> tuple[Any, dict[str, Any]]:
+        """Return what `plan` plans for, and what it is to know of the present."""
 
     def execute(self, plan: "Plan") -> str:
         """Begin to move along a plan, and say so."""
@@ -118,10 +115,8 @@ class _Playing(NamedTuple):
 
     def now(self) -> tuple[dict[str, float], bool]:
         """Return where joints are by now [rad] or [m], and whether that is the end."""
-        last, passed = (
-            len(self.plan.trajectory.points) - 1,
-            time.monotonic() - self.since,
-        )
+        last = len(self.plan.trajectory.points) - 1
+        passed = time.monotonic() - self.since
         is_over = passed >= self.plan.duration
         index = last if is_over else round(passed / self.plan.duration * last)
         return self.plan.positions_at(index), is_over
@@ -295,8 +290,9 @@ class MotionPlanning:
         self._forget_plan()
         self._say("planning …")
         joints = self._group.joints
+        planned, present = self._host.planned(self._name)
         options = {
-            **self._host.options(self._name),
+            **present,
             **self._scaling,
             "group": self._group.name,
             "frame": self._frame,
@@ -311,7 +307,6 @@ class MotionPlanning:
         try:
             if goal.problem:
                 raise InputError(goal.problem)
-            planned = self._host.planned(self._name)
             self._plan = motion_planning.plan(planned, target, **options)
         except ArmDrakeError as error:
             self._say(f"no plan: {error}")
@@ -400,21 +395,12 @@ class MotionPlanning:
 
     def _values(self) -> dict[str, dict[str, Any]]:
         """Return the present values of all widgets."""
-        found: dict[str, dict[str, Any]] = {
-            "plan:group": {"value": self._label},
-            "plan:state": {"options": self._states(), "value": self._state()},
-            "plan:frame": {"options": self._frames(), "value": self._frame},
-            "plan:position_only": {"value": self._is_position_only},
-            "plan:straight": {"value": self._is_straight},
-            "plan:upright": {"value": self._is_upright},
-            **self.changes(),
+        fields = ("options", "lower", "upper", "value")
+        return {
+            widget.id: {f: getattr(widget, f) for f in fields if hasattr(widget, f)}
+            for widget in self.section().widgets
+            if not isinstance(widget, Buttons)
         }
-        for key, value in self._scaling.items():
-            found[f"plan:{key}"] = {"value": value}
-        for slider in self._sliders():
-            fields = "lower", "upper", "value"
-            found[slider.id] = {field: getattr(slider, field) for field in fields}
-        return found
 
     def handle(self, event_id: str, value: object) -> bool:
         """Do what was clicked, and return whether it was one of its widgets."""
@@ -512,9 +498,9 @@ class MotionPlanning:
         """Return what collides where joints are somewhere, in words."""
         from arm_drake.planning.motion_planning import check_positions
 
-        options = {**self._host.options(self._name), "group": self._group.name}
+        planned, present = self._host.planned(self._name)
         try:
-            check_positions(self._host.planned(self._name), positions, **options)
+            check_positions(planned, positions, group=self._group.name, **present)
         except ArmDrakeError as error:
             return str(error)
         return ""
@@ -574,18 +560,8 @@ class MotionPlanning:
         description = self._robot.description
         joints = {joint.name: joint for joint in description.movable_joints}
         own = set(self._group.joints)
-        moved: set[str] = set()
-        waiting = [
-            j.child for n, j in joints.items() if last_master(j, joints)[0] in own
-        ]
-        children: dict[str, list[str]] = {}
-        for joint in description.joints:
-            children.setdefault(joint.parent, []).append(joint.child)
-        while waiting:
-            link = waiting.pop()
-            if link not in moved:
-                moved.add(link)
-                waiting += children.get(link, [])
+        driven = (j for j in joints.values() if last_master(j, joints)[0] in own)
+        moved = set().union(*(links_on(description.joints, j.child) for j in driven))
         tip = self._group.tip
         return (tip, *(n for n in description.links if n in moved and n != tip))
 
@@ -611,28 +587,10 @@ class MotionPlanning:
         return sliders
 
 
-class Viewed(Protocol):
-    """What shows a robot without physics: a RobotViewer."""
-
-    @property
-    def robot(self) -> Robot:
-        """The robot."""
-
-    @property
-    def positions(self) -> dict[str, float]:
-        """Where its joints are [rad] or [m]."""
-
-    def set_positions(self, positions: Mapping[str, float]) -> None:
-        """Move joints."""
-
-    def make_ghost(self, name: str, color: tuple[float, float, float]) -> Ghost:
-        """Return a transparent copy of the robot."""
-
-
 class ViewedRobot:
     """A robot without physics, as one that is planned for."""
 
-    def __init__(self, viewer: Viewed) -> None:
+    def __init__(self, viewer: Viewer) -> None:
         """Create it."""
         self._viewer = viewer
         self._moving: _Playing | None = None
@@ -660,14 +618,11 @@ class ViewedRobot:
         """Return a transparent copy of the robot."""
         return self._viewer.make_ghost(name, color)
 
-    def options(self, robot: str) -> dict[str, Any]:
-        """Return where plans start."""
-        own = self._viewer.robot.description.independent_joints
-        return {"start": {j.name: self._viewer.positions[j.name] for j in own}}
-
-    def planned(self, robot: str) -> Robot:
-        """Return the robot."""
-        return self._viewer.robot
+    def planned(self, robot: str) -> tuple[Robot, dict[str, Any]]:
+        """Return the robot, and where plans start."""
+        loaded, now = self._viewer.robot, self._viewer.positions
+        own = loaded.description.independent_joints
+        return loaded, {"start": {joint.name: now[joint.name] for joint in own}}
 
     def execute(self, plan: "Plan") -> str:
         """Begin to move the robot along a plan, as fast as it says."""
@@ -726,13 +681,9 @@ class SimulatedRobots:
         """Return a transparent copy of a robot."""
         return self._live.views.make_ghost(robot, name, color)
 
-    def options(self, robot: str) -> dict[str, Any]:
-        """Return which robot is planned for."""
-        return {"name": robot}
-
-    def planned(self, robot: str) -> Simulation:
-        """Return the simulation."""
-        return self._live.simulation
+    def planned(self, robot: str) -> tuple[Simulation, dict[str, Any]]:
+        """Return the simulation, and which of its robots is planned for."""
+        return self._live.simulation, {"name": robot}
 
     def execute(self, plan: "Plan") -> str:
         """Send a plan to its controller."""

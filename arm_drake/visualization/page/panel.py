@@ -190,13 +190,16 @@ def make_fixed_frame(robots: Sequence[Robot], link: str) -> Choice:
 
 def frame_names(robots: Sequence[Robot]) -> tuple[str, ...]:
     """Return "world" and the links; with several robots, `<robot>/<link>`."""
-    names = [
-        f"{robot.name}/{link}" if len(robots) > 1 else link
+    return (WORLD, *_links_by_frame(robots))
+
+
+def _links_by_frame(robots: Sequence[Robot]) -> dict[str, tuple[Robot, str]]:
+    return {
+        f"{robot.name}/{link}" if len(robots) > 1 else link: (robot, link)
         for robot in robots
         for link in robot.description.links
         if link != WORLD
-    ]
-    return (WORLD, *names)
+    }
 
 
 def make_report(report: LoadReport) -> Section:
@@ -367,10 +370,8 @@ class LinkViews:
         )
 
     def _label(self) -> None:
-        has_names = NAMES in self._shown and self._drawings is not None
-        assert self._drawings is not None or not has_names
-        paths = self._drawings.frame_paths() if self._drawings and has_names else {}
-        self._scene.set_labels(paths)
+        named = self._drawings if NAMES in self._shown else None
+        self._scene.set_labels({} if named is None else named.frame_paths())
 
 
 def _check(what: str) -> None:
@@ -416,25 +417,9 @@ class LinkReadout:
         self, robots: Sequence[Robot], things: Mapping[str, ThingFacts] | None = None
     ) -> None:
         """Be for these robots and things; frames that are still there stay."""
-        self._names = frame_names(robots)
-        self._links = dict(
-            zip(
-                self._names[1:],
-                (
-                    (robot, link)
-                    for robot in robots
-                    for link in robot.description.links
-                    if link != self._names[0]
-                ),
-                strict=True,
-            )
-        )
-        self._things = {
-            name: thing
-            for name, thing in (things or {}).items()
-            if name not in self._names
-        }
-        self._names = (*self._names, *self._things)
+        names, self._links = frame_names(robots), _links_by_frame(robots)
+        self._things = {n: t for n, t in (things or {}).items() if n not in names}
+        self._names = (*names, *self._things)
         if self.frame not in self._names:
             first = len(frame_names(robots[:1]))
             self.frame = self._names[first - 1]
@@ -443,12 +428,14 @@ class LinkReadout:
 
     def set_frame(self, frame: str) -> None:
         """Be about another frame; raise InputError if there is none of that name."""
-        self.frame = _find(frame, self._names)
+        check_known("frame", frame, self._names, argument="pose")
+        self.frame = frame
         self._refresh()
 
     def set_relative_to(self, frame: str) -> None:
         """Tell poses in another frame; raise InputError if there is none."""
-        self.relative_to = _find(frame, (FIXED_FRAME, *self._names))
+        check_known("frame", frame, (FIXED_FRAME, *self._names), argument="pose")
+        self.relative_to = frame
         self._refresh()
 
     def set_degrees(self, in_degrees: bool) -> None:
@@ -570,8 +557,3 @@ def pose_text(X_RL: RigidTransform, *, in_degrees: bool = False) -> str:
 def _numbers(values: Iterable[float]) -> list[str]:
     # Adding 0.0 makes 0.0 of -0.0.
     return [f"{round(float(v), _DECIMALS) + 0.0:.{_DECIMALS}f}" for v in values]
-
-
-def _find(frame: str, known: Sequence[str]) -> str:
-    check_known("frame", frame, known, argument="pose")
-    return frame

@@ -13,6 +13,7 @@ from pydrake.math import RigidTransform
 
 from arm_drake.description.robot import Robot
 from arm_drake.simulation.simulation import Simulation
+from arm_drake.visualization.ghost import Ghost
 from arm_drake.visualization.page.live_views import LiveViews
 from arm_drake.visualization.page.scene import Scene
 from arm_drake.visualization.page.widgets import Section
@@ -79,6 +80,12 @@ class Viewer(Protocol):
     def note(self, text: str) -> None:
         """Say something on the page and the terminal."""
 
+    def set_positions(self, positions: Mapping[str, float]) -> None:
+        """Move joints."""
+
+    def make_ghost(self, name: str, color: tuple[float, float, float]) -> Ghost:
+        """Return a transparent copy of the robot."""
+
     def frame(self, direction: tuple[float, float, float]) -> None:
         """Look at all of the robot from a direction."""
 
@@ -89,19 +96,27 @@ class Viewer(Protocol):
 class Part(ABC):
     """A section of the panel, and what its widgets do. All runs in the page's thread.
 
-    Ids of its widgets are `<part>:<widget>`, with a word of its own for the part.
+    Ids of its widgets are `<word>:<widget>`.
     """
+
+    word = ""
 
     @abstractmethod
     def section(self) -> Section:
         """Return the section as it is now; one without widgets is left out."""
 
-    @abstractmethod
     def handle(self, event_id: str, value: object) -> bool:
         """Do what was clicked, and return whether it was one of its widgets.
 
         What can't be done is an ArmDrakeError, whose text the page shows.
         """
+        word, _, what = event_id.partition(":")
+        if word == self.word:
+            self.act(what, value)
+        return word == self.word
+
+    def act(self, what: str, value: object) -> None:  # noqa: B027
+        """Do what one of its widgets stands for."""
 
     def changes(self) -> Mapping[str, Mapping[str, Any]]:
         """Return present fields of widgets, by id; it is asked ten times a second."""

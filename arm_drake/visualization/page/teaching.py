@@ -116,6 +116,8 @@ class WayPoints:
 class Teaching(Part):
     """The section that keeps poses of robots as way points of a motion."""
 
+    word = "teach"
+
     def __init__(
         self,
         robots: Mapping[str, Robot],
@@ -168,12 +170,7 @@ class Teaching(Part):
                 self._play(name, points.steps())
 
     def save(self) -> list[Path]:
-        """Write a motion file for each robot in the working folder; return them.
-
-        Raises:
-            InputError: If there are no way points.
-            OutputError: If one can't be written.
-        """
+        """Write a motion file for each robot in the working folder; return them."""
         self._require()
         files = []
         for name, points in self.way_points.items():
@@ -185,17 +182,13 @@ class Teaching(Part):
             files.append(path)
         return files
 
-    def handle(self, event_id: str, value: object) -> bool:
-        """Do what was clicked, and return whether it was one of these widgets."""
-        kind, _, what = event_id.partition(":")
-        if kind != "teach":
-            return False
+    def act(self, what: str, value: object) -> None:
+        """Do what one of its widgets stands for."""
         if what == "time":
             if isinstance(value, int | float):
                 self.time = min(max(float(value), _SHORTEST), _LONGEST)
         elif what in ("add", "remove", "clear", "play", "save"):
             getattr(self, what)()
-        return True
 
     def changes(self) -> dict[str, dict[str, Any]]:
         """Return present fields of its widgets, by id."""
@@ -269,9 +262,8 @@ def teach_live(live: Live) -> Teaching:
         return dict(zip(state.name, state.position, strict=True))
 
     def play(name: str, steps: list[dict[str, Any]]) -> None:
-        many = len(live.simulation.robots) > 1
+        prefix = live.simulation.directory.manager(name).prefix
         for step in parse_motion(steps).steps:
-            prefix = f"{name}/" if many else ""
             controller = live.simulation.controller(f"{prefix}{step.controller}")
             controller.send_goal(step.message)  # type: ignore[arg-type]
 

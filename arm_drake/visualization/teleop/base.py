@@ -4,7 +4,7 @@ import dataclasses as dc
 import math
 from abc import ABC, abstractmethod
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from arm_drake import interfaces
@@ -12,7 +12,7 @@ from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import Cycle
 from arm_drake.description.robot import Robot
 from arm_drake.description.ros2_control import InterfaceInfo
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import InputError, check_known
 from arm_drake.importing import dataclass
 from arm_drake.interfaces import ACCELERATION, EFFORT, POSITION, VELOCITY
 from arm_drake.manager import ControllerManager
@@ -54,8 +54,8 @@ class Remote(ABC):
         """Do what a widget of an active controller stands for."""
 
     @abstractmethod
-    def _forget(self) -> None:
-        """Forget what was sent."""
+    def reset(self) -> None:
+        """Forget what was sent, as at the start of a simulation."""
 
     @property
     def is_active(self) -> bool:
@@ -93,8 +93,7 @@ class Remote(ABC):
         # The browser shows another value than it was told.
         self._published.get(event_id, {}).pop("value", None)
         known = {widget.id: widget for widget in self._leaves()}
-        if event_id not in known:
-            raise self._error(f"no widget {event_id!r}; {suggest(event_id, known)}")
+        self._check_known("widget", event_id, known)
         widget = known[event_id]
         if isinstance(widget, Slider):
             number = self._number(value, widget.label)
@@ -102,7 +101,7 @@ class Remote(ABC):
         else:
             value = None
         self._prepare()
-        self._act(event_id.removeprefix(self._id("")), value)
+        self._act(event_id.removeprefix(self.id_of("")), value)
         return value
 
     def axes(self) -> "Mapping[str, Axis]":
@@ -113,18 +112,10 @@ class Remote(ABC):
         """Return what a slider shows."""
         return self._values()[part]
 
-    def id_of(self, part: str) -> str:
-        """Return the id of a widget."""
-        return self._id(part)
-
     def tick(self, time: float) -> None:
         """Send what must be repeated; to be called ten times a second of its time."""
         del time
         self._renew()
-
-    def reset(self) -> None:
-        """Forget what was sent: the simulation starts anew."""
-        self._forget()
 
     def _prepare(self) -> None:
         """Raise InputError if the controller takes nothing now."""
@@ -140,7 +131,7 @@ class Remote(ABC):
         activation = self._cycle().active.get(self._name)
         if activation != self._activation:
             self._activation = activation
-            self._forget()
+            self.reset()
 
     def _cycle(self) -> Cycle:
         root = self._simulation.simulator.get_context()
@@ -161,13 +152,14 @@ class Remote(ABC):
         own = port if port.startswith("/") else f"/{self._name}/{port}"
         self._simulation.topic(f"/{self._manager.prefix}{own[1:]}").publish(data)
 
-    def _id(self, part: str) -> str:
+    def id_of(self, part: str) -> str:
+        """Return the id of a widget."""
         return f"remote:{self.controller}:{part}"
 
     def _fields(self) -> dict[str, dict[str, Any]]:
         """Return the fields that change of every widget."""
         values, is_enabled = self._values(), self.is_active
-        start = self._id("")
+        start = self.id_of("")
         fields: dict[str, dict[str, Any]] = {}
         for widget in self._leaves():
             fields[widget.id] = {"is_enabled": is_enabled}
@@ -190,6 +182,9 @@ class Remote(ABC):
         except (TypeError, OverflowError):
             pass
         raise self._error(f"{what}: expected a finite number, got {value!r}")
+
+    def _check_known(self, kind: str, name: str, known: Collection[str]) -> None:
+        check_known(kind, name, known, argument=f"controller {self.controller!r}")
 
     def _error(self, problem: str) -> InputError:
         return InputError(f"controller {self.controller!r}: {problem}")

@@ -22,7 +22,7 @@ from arm_drake.description.gazebo_plugins import (
     JointPositionController,
     WheelDrive,
 )
-from arm_drake.errors import InputError, suggest
+from arm_drake.errors import InputError
 from arm_drake.importing import dataclass
 from arm_drake.interfaces import POSITION, VELOCITY
 from arm_drake.messages import (
@@ -73,11 +73,11 @@ class BaseRemote(Remote):
         self.has_sideways: bool = getattr(system, "moves_sideways", False)
         self._layout = (
             *(
-                Slider(self._id(name), name, *self._range(name), 0.0, unit)
+                Slider(self.id_of(name), name, *self._range(name), 0.0, unit)
                 for name, (_, unit, _) in _SLIDERS.items()
                 if name != "sideways" or self.has_sideways
             ),
-            Button(self._id("stop"), "stop"),
+            Button(self.id_of("stop"), "stop"),
         )
 
     def drive(self, forward: float, sideways: float = 0.0, turn: float = 0.0) -> None:
@@ -122,7 +122,8 @@ class BaseRemote(Remote):
         if self.is_active and any(self._velocity.values()):
             self._send(self._velocity)
 
-    def _forget(self) -> None:
+    def reset(self) -> None:
+        """Forget what was sent."""
         self._velocity = dict(_REST)
 
     def _values(self) -> dict[str, float]:
@@ -197,7 +198,7 @@ class CommandRemote(GrippingRemote):
         interfaces = {axis.interface for axis in self._axes.values()}
         self._layout = tuple(
             Slider(
-                self._id(f"value:{name}"),
+                self.id_of(f"value:{name}"),
                 axis.joint if len(interfaces) == 1 else name,
                 axis.lower,
                 axis.upper,
@@ -209,9 +210,9 @@ class CommandRemote(GrippingRemote):
         buttons = []
         if interfaces - {POSITION}:
             hint = "set all but positions to 0" if POSITION in interfaces else ""
-            buttons.append(Button(self._id("zero"), "zero", hint))
+            buttons.append(Button(self.id_of("zero"), "zero", hint))
         if self._grips:
-            buttons += [Button(self._id(text), text) for text in ("open", "close")]
+            buttons += [Button(self.id_of(text), text) for text in ("open", "close")]
         if buttons:
             self._layout = (*self._layout, Buttons(tuple(buttons)))
 
@@ -232,8 +233,7 @@ class CommandRemote(GrippingRemote):
         controller isn't active, or takes no such number.
         """
         for name, value in values.items():
-            if name not in self._axes:
-                raise self._error(f"no value {name!r}; {suggest(name, self._axes)}")
+            self._check_known("value", name, self._axes)
             self._number(value, name)
         self._prepare()
         present = self._present()
@@ -276,7 +276,8 @@ class CommandRemote(GrippingRemote):
             for name, axis in self._axes.items()
         }
 
-    def _forget(self) -> None:
+    def reset(self) -> None:
+        """Forget what was sent."""
         self._sent = {}
 
     def _values(self) -> dict[str, float]:
@@ -397,10 +398,12 @@ class GripperRemote(Remote):
         # Position of the last goal.
         self._goal: float | None = None
         joint, lower, upper = self._axis.joint, self._axis.lower, self._axis.upper
-        slider = Slider(self._id("position"), joint, lower, upper, 0.0, self._axis.unit)
+        slider = Slider(
+            self.id_of("position"), joint, lower, upper, 0.0, self._axis.unit
+        )
         self._layout = (slider,)
         if self._ends is not None:
-            buttons = tuple(Button(self._id(t), t) for t in ("open", "close"))
+            buttons = tuple(Button(self.id_of(t), t) for t in ("open", "close"))
             self._layout = (slider, Buttons(buttons))
 
     def axes(self) -> Mapping[str, Axis]:
@@ -429,7 +432,8 @@ class GripperRemote(Remote):
             raise self._error(f"joint {joint!r} has no limits to tell open from closed")
         return self.move_to(self._ends[end])
 
-    def _forget(self) -> None:
+    def reset(self) -> None:
+        """Forget what was sent."""
         self._goal = None
 
     def _values(self) -> dict[str, float]:
@@ -509,7 +513,7 @@ class TrajectoryRemote(GrippingRemote):
         self._layout = (
             *(
                 Slider(
-                    self._id(f"goal:{joint}"),
+                    self.id_of(f"goal:{joint}"),
                     joint,
                     axis.lower,
                     axis.upper,
@@ -519,7 +523,7 @@ class TrajectoryRemote(GrippingRemote):
                 for joint, axis in self._axes.items()
             ),
             Slider(
-                self._id("speed"),
+                self.id_of("speed"),
                 "speed",
                 1.0,
                 100.0,
@@ -530,8 +534,8 @@ class TrajectoryRemote(GrippingRemote):
         )
         if self._grips:
             buttons = (
-                Button(self._id("open"), "open"),
-                Button(self._id("close"), "close"),
+                Button(self.id_of("open"), "open"),
+                Button(self.id_of("close"), "close"),
             )
             self._layout = (*self._layout, Buttons(buttons))
 
@@ -555,8 +559,7 @@ class TrajectoryRemote(GrippingRemote):
     ) -> None:
         """Send a goal of all joints: a trajectory from where they are."""
         for joint, value in positions.items():
-            if joint not in self._axes:
-                raise self._error(f"no joint {joint!r}; {suggest(joint, self._axes)}")
+            self._check_known("joint", joint, self._axes)
             self._number(value, joint)
         if duration is not None and not (
             0.0 < self._number(duration, "duration") <= _LONGEST
@@ -616,7 +619,8 @@ class TrajectoryRemote(GrippingRemote):
             )
         return tuple(points)
 
-    def _forget(self) -> None:
+    def reset(self) -> None:
+        """Forget what was sent."""
         self._plan = None
 
     def _values(self) -> dict[str, float]:
