@@ -16,7 +16,7 @@ from urllib.parse import unquote, urlparse
 import numpy as np
 
 from arm_drake.arrays import Array
-from arm_drake.description.joints import JointInfo
+from arm_drake.description.joints import JointInfo, joints_on_links
 from arm_drake.description.links import (
     MOMENTS,
     Geometry,
@@ -243,7 +243,7 @@ class Body:
 
 def moving_bodies(joints: Sequence[JointInfo]) -> Iterator[Body]:
     """Yield the body of each movable joint."""
-    children = _children(joints)
+    children = joints_on_links(joints)
     for below in children.values():
         for joint in below:
             if joint.type != "fixed":
@@ -252,15 +252,7 @@ def moving_bodies(joints: Sequence[JointInfo]) -> Iterator[Body]:
 
 def free_body(joints: Sequence[JointInfo], link: str) -> Body:
     """Return the body of a link that no joint holds."""
-    return Body(_welded(link, _children(joints)), None)
-
-
-def _children(joints: Sequence[JointInfo]) -> Mapping[str, Sequence[JointInfo]]:
-    """Return the joints on each link."""
-    children: dict[str, list[JointInfo]] = {}
-    for joint in joints:
-        children.setdefault(joint.parent, []).append(joint)
-    return children
+    return Body(_welded(link, joints_on_links(joints)), None)
 
 
 def _welded(
