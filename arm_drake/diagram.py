@@ -114,7 +114,7 @@ class Setting(NamedTuple):
 
 
 class RobotParts(NamedTuple):
-    """A robot's controllers, which are in no builder yet, and what will add them."""
+    """A robot's controllers, which are in no builder yet, and what will add it all."""
 
     system: RobotSystems
 
@@ -126,8 +126,13 @@ class RobotParts(NamedTuple):
     # Its load report, with what they lack.
     report: LoadReport
 
+    base: RobotBases
+
     # Hardware that mirrors commands, if that is what it has.
     blocks: Sequence[GenericSystem] = ()
+
+    # Of its bodies in the plant, as soon as they are there.
+    model: ModelInstanceIndex = ModelInstanceIndex()
 
     @property
     def robot(self) -> Robot:
@@ -173,19 +178,15 @@ def build_diagram(
     obstacles = _find_obstacles(setting, parts, plant, scene_graph)
     if any(obstacles):
         return _build_accurate(setting, meshcat, obstacles)
-    bases = [
-        RobotBases.of(robot, has_physics=not setting.is_kinematic)
-        for robot in setting.robots
-    ]
-    models = _add_models(setting, bases, plant, scene_graph, meshcat)
+    parts = _add_models(setting, parts, plant, scene_graph, meshcat)
 
     if setting.is_kinematic:
-        _add_kinematic_robots(builder, parts, plant, scene_graph, models)
+        _add_kinematic_robots(builder, parts, plant, scene_graph)
     else:
-        _add_dynamic_robots(builder, parts, plant, scene_graph, models, bases)
+        _add_dynamic_robots(builder, parts, plant, scene_graph)
     has_sensors = any(part.robot.description.perception_sensors for part in parts)
     if has_sensors or setting.options.log_images:
-        _add_perception(setting, builder, parts, plant, scene_graph, models)
+        _add_perception(setting, builder, parts, plant, scene_graph)
     if meshcat is not None:
         _add_meshcat(setting, builder, scene_graph, meshcat)
     diagram = builder.Build()
@@ -193,7 +194,7 @@ def build_diagram(
 
     _report_world(setting, parts)
     if not setting.is_kinematic:
-        info.parted = _part_overlaps(diagram, plant, scene_graph, parts, models, bases)
+        info.parted = _part_overlaps(diagram, plant, scene_graph, parts)
     return diagram
 
 
@@ -234,13 +235,6 @@ def _choose_setting(
     )
 
 
-def _make_blocks(robot: Robot) -> list[GenericSystem]:
-    """Return the hardware of a robot that mirrors commands."""
-    from arm_drake.hardware.mock_hardware import make_blocks
-
-    return make_blocks(robot)
-
-
 def _as_scene(robots: object) -> "Scene | None":
     """Return a scene, whose module robots alone don't need; None if it is none."""
     if isinstance(robots, Robot | Iterable):
@@ -259,16 +253,20 @@ def _load_parts(builder: DiagramBuilder, setting: Setting) -> list[RobotParts]:
         system = RobotSystems(
             builder, robot, prefix, period, options, setting.step, setting.world.name
         )
-        blocks = _make_blocks(robot) if setting.is_kinematic else None
+        blocks = None
+        if setting.is_kinematic:
+            from arm_drake.hardware.mock_hardware import make_blocks
+
+            blocks = make_blocks(robot)
         hardware_interfaces = system.find_hardware_interfaces(
             blocks, find_gripper_ranges(robot)
         )
         controllers, report = load_controllers_of(
             robot, period, _options_of(robot, robots, options), hardware_interfaces
         )
-        parts.append(
-            RobotParts(system, hardware_interfaces, controllers, report, blocks or ())
-        )
+        base = RobotBases.of(robot, has_physics=not setting.is_kinematic)
+        own = system, hardware_interfaces, controllers, report, base
+        parts.append(RobotParts(*own, blocks or ()))
     if options.state_noise:
         from arm_drake.hardware.noise_and_delay import check_noise
 
@@ -381,29 +379,34 @@ def _looks(robot: Robot) -> bool:
 
 def _add_models(
     setting: Setting,
-    bases: Sequence[RobotBases],
+    parts: Sequence[RobotParts],
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
     meshcat: Meshcat | None,
-) -> list[ModelInstanceIndex]:
-    """Add the robots to the plant, with what collides or is drawn, and finalize it."""
+) -> list[RobotParts]:
+    """Return the parts of robots that are in the plant, which this finalizes.
+
+    With them comes what collides or is drawn.
+    """
     collides = meshcat is not None or _may_touch(setting, scene_graph)
     collides &= setting.options.preset != "fast"
-    models = [
-        _add_model(plant, base, setting.world, collides=collides) for base in bases
+    parts = [
+        part._replace(
+            model=_add_model(plant, part.base, setting.world, collides=collides)
+        )
+        for part in parts
     ]
-    for base, model in zip(bases, models, strict=True):
-        own = setting.payloads_by_robot[base.robot.name]
-        add_payloads(plant, model, own, collides=collides)
+    payloads = [setting.payloads_by_robot[part.robot.name] for part in parts]
+    for part, own in zip(parts, payloads, strict=True):
+        add_payloads(plant, part.model, own, collides=collides)
     plant.Finalize()
-    for base, model in zip(bases, models, strict=True):
-        if base.robot.has_free_base:
-            extra = setting.payloads_by_robot[base.robot.name].values()
-            loads = sum(payload.mass for payload in extra)
-            carry_weight(scene_graph, total_mass(base.robot.description) + loads)
-        place_free_links(plant, scene_graph, model, base.robot)
-        base.set_friction(plant, scene_graph, model)
-    return models
+    for part, own in zip(parts, payloads, strict=True):
+        if part.robot.has_free_base:
+            loads = sum(payload.mass for payload in own.values())
+            carry_weight(scene_graph, total_mass(part.robot.description) + loads)
+        place_free_links(plant, scene_graph, part.model, part.robot)
+        part.base.set_friction(plant, scene_graph, part.model)
+    return parts
 
 
 def _add_model(
@@ -436,20 +439,18 @@ def _add_dynamic_robots(
     parts: Sequence[RobotParts],
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
-    models: Sequence[ModelInstanceIndex],
-    bases: Sequence[RobotBases],
 ) -> None:
     """Add hardware and controllers of robots that move by their dynamics."""
     forces = {}
-    for part, model, base in zip(parts, models, bases, strict=True):
-        system = part.system
-        _filter_collisions(part, plant, scene_graph, model)
-        hardware, commands = _add_drives(builder, part, plant, model, base)
+    for part in parts:
+        system, model, base = part.system, part.model, part.base
+        _filter_collisions(part, plant, scene_graph)
+        hardware, commands = _add_drives(builder, part, plant)
         hardware = add_sensors(
             hardware, builder, plant, scene_graph, model, part.robot, system.prefix
         )
         hardware = _add_noise_and_delay(builder, part, hardware)
-        _add_frames(part, plant, model, plant.get_body_poses_output_port())
+        _add_frames(part, plant, plant.get_body_poses_output_port())
         log_free_poses(
             builder,
             plant,
@@ -482,28 +483,21 @@ def _add_dynamic_robots(
 
 
 def _filter_collisions(
-    part: RobotParts,
-    plant: MultibodyPlant,
-    scene_graph: SceneGraph,
-    model: ModelInstanceIndex,
+    part: RobotParts, plant: MultibodyPlant, scene_graph: SceneGraph
 ) -> None:
     """Let the links of a robot touch each other as the options and its SRDF say."""
     if part.system.options.self_collision:
         pairs = find_disabled_collisions(part.robot, part.report)
-        filter_pairs(plant, scene_graph, model, pairs)
+        filter_pairs(plant, scene_graph, part.model, pairs)
     else:
-        filter_self_collision(plant, scene_graph, model)
+        filter_self_collision(plant, scene_graph, part.model)
 
 
 def _add_drives(
-    builder: DiagramBuilder,
-    part: RobotParts,
-    plant: MultibodyPlant,
-    model: ModelInstanceIndex,
-    base: RobotBases,
+    builder: DiagramBuilder, part: RobotParts, plant: MultibodyPlant
 ) -> tuple[Hardware, DriveCommands]:
     """Add what drives a robot's joints; return it with what makes its commands."""
-    system, hardware_interfaces, controllers, report, _ = part
+    system, controllers, report = part.system, part.controllers, part.report
     robot, options = system.robot, system.options
     effort_only = find_effort_only_joints(robot, controllers)
     holds = holds_joints(robot, report) and not are_all_pushed(robot, effort_only)
@@ -516,12 +510,12 @@ def _add_drives(
         effort_only=effort_only,
         lets_go=may_let_go(robot, controllers) or not holds,
         grippers={joint.name for joint in find_gripper_joints(robot)},
-        load_inertia=base.load_inertia,
+        load_inertia=part.base.load_inertia,
         period=system.period,
         trial=trial_plant(robot),
     )
     commands = make_drive_commands(
-        robot, hardware_interfaces, controllers, drive, holds=holds
+        robot, part.hardware_interfaces, controllers, drive, holds=holds
     )
     report_times(plant.time_step(), system.period, options, report)
     report_drive(robot, drive, controllers, report, holds=holds)
@@ -529,7 +523,7 @@ def _add_drives(
     hardware = add_hardware(
         builder,
         plant,
-        model,
+        part.model,
         robot.description,
         prefix=system.prefix,
         drive=drive,
@@ -563,14 +557,9 @@ def _add_noise_and_delay(
     )
 
 
-def _add_frames(
-    part: RobotParts,
-    plant: MultibodyPlant,
-    model: ModelInstanceIndex,
-    poses: OutputPort,
-) -> None:
+def _add_frames(part: RobotParts, plant: MultibodyPlant, poses: OutputPort) -> None:
     """Add the poses of a robot's links, out of those of all bodies."""
-    bodies = link_bodies(plant, model, part.robot.description.links)
+    bodies = link_bodies(plant, part.model, part.robot.description.links)
     part.system.add_frames(poses, bodies)
 
 
@@ -579,22 +568,21 @@ def _add_kinematic_robots(
     parts: Sequence[RobotParts],
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
-    models: Sequence[ModelInstanceIndex],
 ) -> None:
     """Add hardware and controllers of robots whose joints are where they should be."""
     from arm_drake.hardware.mock_hardware import add_mock_hardware, report_blocks
 
     joints = {
         part.robot.name: (
-            model,
+            part.model,
             [joint.name for joint in part.robot.description.movable_joints],
         )
-        for part, model in zip(parts, models, strict=True)
+        for part in parts
     }
     kinematic = builder.AddNamedSystem("plant", KinematicPlant(plant, joints))
     poses = kinematic.GetOutputPort("body_poses")
-    for part, model in zip(parts, models, strict=True):
-        system, hardware_interfaces, controllers, report, blocks = part
+    for part in parts:
+        system, hardware_interfaces, controllers, report, _, blocks, _ = part
         report_motionless(
             controllers, report_blocks(part.robot, blocks, report), report
         )
@@ -613,7 +601,7 @@ def _add_kinematic_robots(
         builder.Connect(hardware.joint_motions, motions)
         hardware = _add_noise_and_delay(builder, part, hardware)
         drive = DriveCommands((), order, velocity_lead=0.0)
-        _add_frames(part, plant, model, poses)
+        _add_frames(part, plant, poses)
         system.add(hardware, hardware_interfaces, controllers, report, drive)
     kinematic.connect_geometry(builder, scene_graph)
     builder.ExportOutput(kinematic.GetOutputPort("state"), "state")
@@ -644,7 +632,6 @@ def _add_perception(
     parts: Sequence[RobotParts],
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
-    models: Sequence[ModelInstanceIndex],
 ) -> None:
     """Add the cameras and lidars of the robots."""
     # Robots that have none pay for nothing.
@@ -654,11 +641,11 @@ def _add_perception(
     world, logged = setting.world, setting.options.log_images
     check_logged(logged, {part.system.prefix: part.robot for part in parts})
     scenery = Scenery(world.lights, world.background)
-    for part, model in zip(parts, models, strict=True):
+    for part in parts:
         name, prefix = part.robot.name, part.system.prefix
         seed = setting.options.seed
         manager = builder.GetSubsystemByName(f"{prefix}{MANAGER}")
-        model_name, taken = plant.GetModelInstanceName(model), _publishers(manager)
+        taken, model_name = _publishers(manager), plant.GetModelInstanceName(part.model)
         place = Place(name, model_name, world.name, seed, taken)
         manager.sensors = add_sensors(
             builder,
@@ -712,21 +699,18 @@ def _part_overlaps(
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
     parts: Sequence[RobotParts],
-    models: Sequence[ModelInstanceIndex],
-    bases: Sequence[RobotBases],
 ) -> Sequence[tuple[Shape, Shape]]:
     """Let links that overlap at the start pass through each other, and report them."""
-    free = [base.free_links for base in bases]
-    links = dict(zip(models, free, strict=True))
+    links = {part.model: part.base.free_links for part in parts}
     overlaps = separate(diagram, plant, scene_graph, links)
     if overlaps.things:
         what = f"things of the world are in one place: {', '.join(overlaps.things)}"
         done = "they pass through each other"
         for part in parts[:1]:
             part.report.add("warning", "repair", what, done)
-    for part, model in zip(parts, models, strict=True):
-        if overlaps.robots[model]:
-            pairs = ", ".join(overlaps.robots[model])
+    for part in parts:
+        if overlaps.robots[part.model]:
+            pairs = ", ".join(overlaps.robots[part.model])
             part.report.add(
                 "warning",
                 "repair",

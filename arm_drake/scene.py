@@ -443,12 +443,9 @@ class SceneRobot(NamedTuple):
 
 def _read_scene(root: Value) -> Scene:
     fields = root.mapping(("robots", "world", "things", "options"))
-    robots = (
-        [read_robot(v) for v in fields["robots"].list()] if "robots" in fields else []
-    )
-    things = (
-        [_read_thing(v) for v in fields["things"].list()] if "things" in fields else []
-    )
+    lists = {key: fields[key].list() for key in ("robots", "things") if key in fields}
+    robots = [read_robot(value) for value in lists.get("robots", ())]
+    things = [_read_thing(value) for value in lists.get("things", ())]
     if not robots and not things:
         raise root.error("expected robots, things or both")
     _check_names(fields, robots, things)
@@ -512,13 +509,10 @@ def read_robot(value: Value) -> SceneRobot:
         raise value.error("expected robot: a name, a file or a folder")
     name = fields["robot"].text()
     source = name if name in bundled_robots() else fields["robot"].path()
-    options: dict[str, Any] = {"source": source}
-    for key, read in _LOAD_OPTIONS.items():
-        if key in fields:
-            options["initial_positions" if key == "initial" else key] = read(
-                fields[key]
-            )
-    robot = at_place(value, lambda: load_robot(**options))
+    options = _read_known(fields, _LOAD_OPTIONS)
+    if "initial" in options:
+        options["initial_positions"] = options.pop("initial")
+    robot = at_place(value, lambda: load_robot(source, **options))
     payloads = _read_payloads(fields["payload"], robot) if "payload" in fields else {}
     motion, motion_parameters = None, fields.get("motion_parameters")
     if "motion" in fields:
@@ -534,6 +528,13 @@ def read_robot(value: Value) -> SceneRobot:
     elif motion_parameters:
         raise motion_parameters.error("there is no motion beside them")
     return SceneRobot(robot, payloads, motion)
+
+
+def _read_known(
+    fields: Mapping[str, Value], readers: Mapping[str, Callable[[Value], Any]]
+) -> dict[str, Any]:
+    """Return what fields hold, of those that there are readers for."""
+    return {key: read(fields[key]) for key, read in readers.items() if key in fields}
 
 
 def _scalar(value: Value) -> str:
@@ -632,17 +633,7 @@ def _read_thing(value: Value) -> Thing:
         size: tuple[float, ...] = (fields[kind].number(0.0, is_open=True),)
     else:
         size = fields[kind].numbers(SHAPES[kind][0], least=0.0, is_open=True)
-    options: dict[str, Any] = {}
-    if "fixed" in fields:
-        options["fixed"] = _flag(fields["fixed"])
-    if "mass" in fields:
-        options["mass"] = fields["mass"].number(0.0, is_open=True)
-    if "friction" in fields:
-        options["friction"] = fields["friction"].number(0.0)
-    if "color" in fields:
-        options["color"] = _read_color(fields["color"])
-    if "pose" in fields:
-        options["pose"] = fields["pose"].pose()
+    options = _read_known(fields, _THING_OPTIONS)
     name = fields["name"].text()
     return at_place(value, lambda: Thing(name, kind, size, **options))
 
@@ -658,6 +649,16 @@ def _read_color(value: Value) -> tuple[float, float, float, float]:
     if name not in COLORS:
         raise value.error(f"unknown color {name!r}; {suggest(name, COLORS)}")
     return (*COLORS[name], 1.0)
+
+
+# What a thing may have besides its name and its shape, by its key.
+_THING_OPTIONS: Mapping[str, Callable[[Value], Any]] = {
+    "fixed": _flag,
+    "mass": functools.partial(Value.number, least=0.0, is_open=True),
+    "friction": functools.partial(Value.number, least=0.0),
+    "color": _read_color,
+    "pose": Value.pose,
+}
 
 
 def read_world(value: Value) -> str:

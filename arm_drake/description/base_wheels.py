@@ -483,28 +483,15 @@ def with_axles(
         collision = dc.replace(collision, origin=Origin(rpy=collision.origin.rpy))
         # In the link's axes, as `link_solid` gives it.
         inertia = solid[0].scaled(mass).inertia
-        links[axle.wheel] = _turning_link(axle.wheel, collision, mass, inertia)
+        links[axle.wheel] = LinkInfo(
+            axle.wheel, in_link_axes(mass, inertia), collisions=(collision,)
+        )
         origin = Origin(_vector(axle.center))
         mimic = Mimic(f"{axle.other}:axle", -1.0, 0.0) if axle.other else None
         joint = _axle(axle.link, axle.wheel, f"{axle.link}:axle", origin, axle.axis)
         joints.append(dc.replace(joint, mimic=mimic))
-    return _with(description, links.values(), joints)
-
-
-def _with(
-    description: RobotDescription,
-    links: Iterable[LinkInfo],
-    joints: Iterable[JointInfo],
-) -> RobotDescription:
-    return dc.replace(description, link_infos=tuple(links), joints=tuple(joints))
-
-
-def _turning_link(
-    name: str, collision: ShapeInfo, mass: float, inertia: Array
-) -> LinkInfo:
-    """Return a link about its centre of mass, with one shape, [kg] and [kg·m^2]."""
-    inertial = in_link_axes(mass, inertia)
-    return LinkInfo(name, inertial, collisions=(collision,))
+    infos = tuple(links.values())
+    return dc.replace(description, link_infos=infos, joints=tuple(joints))
 
 
 def _axle(
@@ -704,7 +691,8 @@ def with_rollers(
             angle = 2.0 * math.pi * number / NUM_ROLLERS
             links[body], joint = _make_roller(wheel, body, angle, mass)
             joints.append(joint)
-    return _with(description, links.values(), joints)
+    infos = tuple(links.values())
+    return dc.replace(description, link_infos=infos, joints=tuple(joints))
 
 
 def _make_roller(
@@ -719,7 +707,8 @@ def _make_roller(
     shape = ShapeInfo(Geometry("ellipsoid", (long, thick, thick)))
     along, across = 0.4 * mass * thick**2, 0.2 * mass * (thick**2 + long**2)
     yaw, pitch = math.atan2(axis[1], axis[0]), math.asin(-max(-1.0, min(1.0, axis[2])))
-    link = _turning_link(name, shape, mass, np.diag([along, across, across]))
+    inertial = in_link_axes(mass, np.diag([along, across, across]))
+    link = LinkInfo(name, inertial, collisions=(shape,))
     origin = Origin(_vector(place), (0.0, pitch, yaw))
     return link, _axle(wheel.link, name, f"{name}:axle", origin, (1.0, 0.0, 0.0))
 

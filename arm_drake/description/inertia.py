@@ -16,7 +16,7 @@ from urllib.parse import unquote, urlparse
 import numpy as np
 
 from arm_drake.arrays import Array
-from arm_drake.description.joints import JointInfo
+from arm_drake.description.joints import JointInfo, joints_on_links
 from arm_drake.description.links import (
     MOMENTS,
     Geometry,
@@ -26,6 +26,7 @@ from arm_drake.description.links import (
     ShapeInfo,
     Transform,
 )
+from arm_drake.description.meshes.surfaces import decode_surface
 from arm_drake.description.report import LoadReport, Severity
 from arm_drake.errors import quoted
 from arm_drake.importing import dataclass
@@ -191,17 +192,11 @@ def _mesh_solid(filename: str) -> Inertial | None:
     path = Path(unquote(url.path))
     if url.scheme != "file" or not path.is_file():
         return None
-    text = path.read_text(encoding="utf-8")
+    content = path.read_bytes()
     if path.suffix == ".obj":
-        lines = text.splitlines()
-        vertices, faces = (
-            np.fromstring(
-                " ".join(line[2:] for line in lines if line[:2] == key), sep=" "
-            )
-            for key in ("v ", "f ")
-        )
-        return polyhedron(vertices.reshape(-1, 3), faces.astype(int).reshape(-1, 3) - 1)
-    document = json.loads(text)
+        (surface,) = decode_surface(content)
+        return polyhedron(surface.vertices, surface.faces)
+    document = json.loads(content)
     primitives = [p for mesh in document["meshes"] for p in mesh["primitives"]]
     places = [document["accessors"][p["attributes"]["POSITION"]] for p in primitives]
     lower = np.min([place["min"] for place in places], axis=0)
@@ -248,7 +243,7 @@ class Body:
 
 def moving_bodies(joints: Sequence[JointInfo]) -> Iterator[Body]:
     """Yield the body of each movable joint."""
-    children = _children(joints)
+    children = joints_on_links(joints)
     for below in children.values():
         for joint in below:
             if joint.type != "fixed":
@@ -257,15 +252,7 @@ def moving_bodies(joints: Sequence[JointInfo]) -> Iterator[Body]:
 
 def free_body(joints: Sequence[JointInfo], link: str) -> Body:
     """Return the body of a link that no joint holds."""
-    return Body(_welded(link, _children(joints)), None)
-
-
-def _children(joints: Sequence[JointInfo]) -> Mapping[str, Sequence[JointInfo]]:
-    """Return the joints on each link."""
-    children: dict[str, list[JointInfo]] = {}
-    for joint in joints:
-        children.setdefault(joint.parent, []).append(joint)
-    return children
+    return Body(_welded(link, joints_on_links(joints)), None)
 
 
 def _welded(

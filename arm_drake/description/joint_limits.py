@@ -155,12 +155,12 @@ def _hard_limits(joint: JointInfo, commands: Iterable[InterfaceInfo]) -> JointLi
         name, is_on = command.name, command.enable_limits
         least, most = _amount(command.min), _amount(command.max)
         if name == POSITION:
-            low = _narrowest(max, low, command.min) if is_on else None
-            high = _narrowest(min, high, command.max) if is_on else None
+            low = narrowest(max, low, command.min) if is_on else None
+            high = narrowest(min, high, command.max) if is_on else None
         elif name == VELOCITY:
-            velocity = _narrowest(min, velocity, least, most) if is_on else None
+            velocity = narrowest(min, velocity, least, most) if is_on else None
         elif name == EFFORT:
-            effort = _narrowest(min, effort, least, most) if is_on else None
+            effort = narrowest(min, effort, least, most) if is_on else None
         elif name == ACCELERATION and is_on:
             acceleration, deceleration = most, least
         elif name == _JERK and is_on:
@@ -181,8 +181,8 @@ def _soft_limits(joint: JointInfo, hard: JointLimits) -> SoftJointLimits | None:
     if safety is None:
         return None
     return SoftJointLimits(
-        min_position=_narrowest(max, safety.soft_lower_limit, hard.min_position),
-        max_position=_narrowest(min, safety.soft_upper_limit, hard.max_position),
+        min_position=narrowest(max, safety.soft_lower_limit, hard.min_position),
+        max_position=narrowest(min, safety.soft_upper_limit, hard.max_position),
         k_position=safety.k_position,
         k_velocity=safety.k_velocity,
     )
@@ -192,7 +192,7 @@ def _amount(limit: float | None) -> float | None:
     return None if limit is None or math.isinf(limit) else abs(limit)
 
 
-def _narrowest(
+def narrowest(
     pick: Callable[[list[float]], float], *limits: float | None
 ) -> float | None:
     """Return the one that holds of several limits, None without a finite one."""

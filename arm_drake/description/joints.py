@@ -294,13 +294,18 @@ def _mimic_problem(
 
 def links_on(joints: Sequence[JointInfo], link: str) -> set[str]:
     """Return a link, and all that hang on it through joints."""
-    found, waiting = set(), [link]
-    children: dict[str, list[str]] = {}
-    for joint in joints:
-        children.setdefault(joint.parent, []).append(joint.child)
+    found, waiting, below = set(), [link], joints_on_links(joints)
     while waiting:
         found.add(waiting[-1])
-        waiting += children.get(waiting.pop(), [])
+        waiting += [joint.child for joint in below.get(waiting.pop(), ())]
+    return found
+
+
+def joints_on_links(joints: Iterable[JointInfo]) -> dict[str, list[JointInfo]]:
+    """Return the joints that each link carries, of those that carry any."""
+    found: dict[str, list[JointInfo]] = {}
+    for joint in joints:
+        found.setdefault(joint.parent, []).append(joint)
     return found
 
 

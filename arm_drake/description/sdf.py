@@ -56,6 +56,9 @@ _NO_LIMIT = 1e15
 # The frame of axes before version 1.5 of SDF was the model's.
 _AXES_IN_JOINT = (1, 5)
 
+# Moments of inertia that SDF has where none are given [kg·m^2].
+_MOMENTS = {"ixx": "1", "iyy": "1", "izz": "1", "ixy": "0", "ixz": "0", "iyz": "0"}
+
 # What has a frame in a model, and what of it a joint may connect.
 _HOLDERS = ("link", "joint", "frame")
 _ENDS = ("link", "frame")
@@ -333,20 +336,16 @@ class _Model:
     ) -> None:
         """Write mass and inertia; what isn't said is 1 kg and 1 kg·m^2, as in SDF."""
         X = X_UM @ self._frame(attribute(link, "name"))
-        moments = {"ixx": "1", "iyy": "1", "izz": "1", "ixy": "0", "ixz": "0"}
-        moments["iyz"] = "0"
-        mass = "1"
+        mass = text_of(inertial, "mass") or "1"
         if inertial is not None:
             X = X_UM @ self._placed(inertial, attribute(link, "name"))
-            mass = text_of(inertial, "mass") or mass
             if parse_sdf_bool(attribute(inertial, "auto")):
                 what, done = "<inertial auto>", f"its mass is {mass} kg"
                 self._note("warning", "unsupported", what, done, link)
-            moments |= {
-                key: text
-                for key in moments
-                if (text := text_of(inertial, f"inertia/{key}"))
-            }
+        moments = {
+            key: text_of(inertial, f"inertia/{key}") or usual
+            for key, usual in _MOMENTS.items()
+        }
         part = ET.SubElement(written, "inertial")
         _write_origin(part, X)
         ET.SubElement(part, "mass", value=mass)

@@ -39,6 +39,7 @@ from arm_drake.description.joints import (
     extent,
     find_mimics,
     fit_mimic_limits,
+    joints_on_links,
     links_on,
     read_joint,
     report_degrees,
@@ -503,10 +504,7 @@ def reach(description: RobotDescription) -> float:
     That is the length of the longest stretched chain of links; a prismatic joint adds
     its travel. Limits and geometry may allow less.
     """
-    children: dict[str, list[JointInfo]] = {}
-    for joint in description.joints:
-        children.setdefault(joint.parent, []).append(joint)
-    longest = 0.0
+    children, longest = joints_on_links(description.joints), 0.0
     # Link, length up to it, and whether a movable joint lies before it.
     waiting = [(name, 0.0, False) for name in (*description.roots, WORLD)]
     while waiting:

@@ -17,6 +17,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 
 from arm_drake.description.base_wheels import moved_joints
+from arm_drake.description.joint_limits import narrowest
 from arm_drake.description.joints import JointInfo, last_master, links_on
 from arm_drake.description.robot import Robot
 from arm_drake.description.srdf import GroupState, find_group_states
@@ -146,8 +147,8 @@ def _ends(joint: JointInfo, reach: float) -> tuple[float, float]:
     soft = joint.safety_controller
     if soft is not None and (soft.soft_lower_limit or soft.soft_upper_limit):
         inner = (
-            _narrowest(lower, _known(soft.soft_lower_limit), is_lower=True),
-            _narrowest(upper, _known(soft.soft_upper_limit), is_lower=False),
+            narrowest(max, lower, _known(soft.soft_lower_limit)),
+            narrowest(min, upper, _known(soft.soft_upper_limit)),
         )
         if None in inner or inner[0] <= inner[1]:  # type: ignore[operator]
             lower, upper = inner
@@ -160,15 +161,6 @@ def _ends(joint: JointInfo, reach: float) -> tuple[float, float]:
 
 def _known(limit: float | None) -> float | None:
     return None if limit is None or abs(limit) > _FAR else limit
-
-
-def _narrowest(
-    hard: float | None, soft: float | None, *, is_lower: bool
-) -> float | None:
-    known_limits = [limit for limit in (hard, soft) if limit is not None]
-    if not known_limits:
-        return None
-    return max(known_limits) if is_lower else min(known_limits)
 
 
 # Names of joints of grippers.

@@ -375,9 +375,7 @@ def encode_hull(points: Array) -> bytes:
     is_inward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0.0
     faces = np.where(is_inward[:, None], faces[:, ::-1], faces)
     used, rows = np.unique(faces, return_inverse=True)
-    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in points[used].tolist()]
-    lines += [f"f {a} {b} {c}" for a, b, c in (rows.reshape(-1, 3) + 1).tolist()]
-    return ("\n".join(lines) + "\n").encode()
+    return encode_surface([Surface(points[used], rows.reshape(-1, 3))])
 
 
 # Part of every cache key: raise it when the same input gives another output.

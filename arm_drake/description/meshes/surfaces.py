@@ -265,14 +265,9 @@ def data_uri(kind: str, data: bytes) -> str:
 
 def encode_surface(surfaces: list[Surface]) -> bytes:
     """Return an OBJ file of all triangles, of which there is at least one."""
-    lines, first = [], 1
-    faces = []
-    for surface in surfaces:
-        lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in surface.vertices.tolist()]
-        faces.append(np.asarray(surface.faces) + first)
-        first += len(surface.vertices)
-    triangles = np.concatenate(faces).tolist()
-    lines += [f"f {a} {b} {c}" for a, b, c in triangles]
+    vertices, faces = stack(surfaces)
+    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in vertices.tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
     return ("\n".join(lines) + "\n").encode()
 
 
