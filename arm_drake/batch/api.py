@@ -742,9 +742,9 @@ def _choose(work: Work, how: _How) -> tuple[Choice, Any]:
         if how.workers is not None or how.backend != "auto":
             raise InputError("on: it decides; expected neither workers nor backend")
         # Not at the top: it is for clusters.
-        from arm_drake.batch.executors import Dispatch, Pool
+        from arm_drake.batch.executors import Dispatch, RunPool
 
-        pool = Pool(how.on)
+        pool = RunPool(how.on)
         choice = Choice("executor", pool.width() // 2, f"as asked: {pool}")
         return choice, Dispatch(pool, function, items, work.limits).run()
     backend = how.backend

@@ -354,7 +354,7 @@ class _Sender:
         return key
 
 
-class Pool:
+class RunPool:
     """What runs are given to, whatever it is: a client of dask, or an executor."""
 
     def __init__(self, on: Any) -> None:
@@ -483,7 +483,7 @@ class Dispatch:
 
     def __init__(
         self,
-        pool: Pool,
+        pool: RunPool,
         function: Callable[[Any], Any],
         items: Sequence[Any],
         limits: Limits,

@@ -319,8 +319,10 @@ def _simulate_served(
 
 def _check_nothing_shown(options: argparse.Namespace) -> None:
     """Raise InputError if something is to be shown where nothing is to be seen."""
-    words = ("show", "fixed_frame", "ghost", "trail", "contacts", "display")
-    for name in (*words, "max_faces"):
+    words = ("show", "ghost", "trail", "contacts", "display", "max_faces")
+    # What a launch file says for RViz, nobody asks for here.
+    is_of_rviz = getattr(options, "is_frame_of_rviz", False)
+    for name in words if is_of_rviz else ("fixed_frame", *words):
         if getattr(options, name):
             word = f"--{name.replace('_', '-')}"
             raise InputError(

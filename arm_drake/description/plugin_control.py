@@ -386,6 +386,9 @@ GAZEBO_RATE = 1000
 # A coefficient of friction that no ground exceeds.
 _GRIP = 2.0
 
+# A speed that few bases exceed [m/s].
+_FAST = 2.0
+
 # What the kinds are called where a controller's type is.
 PLUGIN_TYPES: dict[type[RunPlugin], str] = {
     JointPositionController: "gz::sim::systems::JointPositionController",
@@ -557,7 +560,7 @@ def _with_torques(
 
     In Classic a motor of its own turns each, which knows neither limit of the joint.
     In Gazebo Sim one without an effort limit has all the torque that it takes: here
-    what slips on any ground.
+    what slips on any ground, and what turns the joint itself.
     """
     joints = {joint.name: joint for joint in description.joints}
     limits: dict[str, JointLimits] = {}
@@ -569,7 +572,8 @@ def _with_torques(
         elif isinstance(plugin, WheelDrive):
             found = [n for n in tag.joints if joints[n].limits.effort is None]
             weight = GRAVITY * total_mass(description)
-            torque, more = _GRIP * weight * plugin.wheel_radius, ""
+            own = max((_own_torque(joints[n], plugin) for n in found), default=0.0)
+            torque, more = _GRIP * weight * plugin.wheel_radius + own, ""
             parts = "joints" if plugin.steered_joints else "wheels"
             what = f"{type(plugin).__name__} has {parts} without an effort limit:"
         else:
@@ -587,6 +591,14 @@ def _with_torques(
         for joint in description.joints
     )
     return dc.replace(description, joints=changed)
+
+
+def _own_torque(joint: JointInfo, plugin: WheelDrive) -> float:
+    """Return what friction and damping of a wheel's joint take at full speed [N·m]."""
+    fastest = min(plugin.max_velocity, _FAST) / plugin.wheel_radius
+    if joint.limits.velocity is not None:
+        fastest = joint.limits.velocity
+    return joint.friction + joint.damping * fastest
 
 
 def _controllers(

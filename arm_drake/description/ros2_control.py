@@ -459,6 +459,14 @@ SIMULATOR_PLUGINS = {
     "fake_components/GenericSystem": "mock hardware",
 }
 
+# Packages whose hardware, and simulations of it, add to efforts what holds the robot.
+_HOLDING = {
+    "franka_hardware",
+    "franka_gazebo_hardware",
+    "franka_ign_ros2_control",
+    "lbr_ros2_control",
+}
+
 # Parameters of joints that are read.
 _READ = {"mimic", "multiplier"}
 _READ |= {f"initial_{name}" for name in interfaces.STATE_INTERFACES}
@@ -505,6 +513,14 @@ def _remarks(block: HardwareInfo) -> Iterable[tuple[str, str]]:
     }
     if custom:
         yield f"interfaces {quoted(sorted(custom))}", kept
+    pushed = [
+        joint.name
+        for joint in block.joints
+        if any(i.name == interfaces.EFFORT for i in joint.command_interfaces)
+    ]
+    if pushed and block.plugin.partition("/")[0] in _HOLDING:
+        what = f"efforts of {quoted(pushed)}, to which its hardware adds the robot's "
+        yield what + "weight", "they act alone: a controller has to hold it"
     # Of the others `find_sensors` says what becomes of them.
     stored = [
         sensor

@@ -36,10 +36,10 @@ from arm_drake.loading import load_robot
 from arm_drake.messages import Duration, JointTrajectory, JointTrajectoryPoint
 from arm_drake.options import SimulationOptions
 from arm_drake.perception.scenery import RENDERER, Mark, Scenery
-from arm_drake.planning.groups import find_group
+from arm_drake.planning.groups import find_group, joints_of
 from arm_drake.plant.joint_ranges import joint_ranges, randomize
 from arm_drake.simulation.simulation import Simulation
-from arm_drake.visualization.meshcat import start_meshcat
+from arm_drake.visualization.meshcat import THREE_QUARTER, start_meshcat
 from arm_drake.worlds.world import World
 
 RENDER_MODES = ("human", "rgb_array", "meshcat")
@@ -507,21 +507,19 @@ def _read_actuation(robot: Robot, config: ControllerConfig) -> _Actuation | None
         commanded = parameter("command_interfaces") or []
         interface = "position" if commanded else None
     known = {joint.name for joint in robot.description.movable_joints}
-    joints = tuple(parameter("joints") or ())
+    joints = joints_of(config)
     if interface not in ("position", "velocity", "effort") or not joints:
         return None
     if not set(joints) <= known:
         return None
     ranges = {each.name: each for each in joint_ranges(robot.description)}
-    is_effort = interface == "effort"
+    what = ("effort", _EFFORT) if interface == "effort" else ("velocity", _SPEED)
     return _Actuation(
         controller=config.name,
         joints=joints,
         interface=interface,
         is_trajectory=config.type == _TRAJECTORY,
-        scale=_limits(robot, joints, "effort", _EFFORT)
-        if is_effort
-        else _limits(robot, joints, "velocity", _SPEED),
+        scale=_limits(robot, joints, *what),
         lower=np.array([ranges[joint].lower for joint in joints]),
         upper=np.array([ranges[joint].upper for joint in joints]),
     )
@@ -560,7 +558,7 @@ class _Camera:
         points = np.array([X.translation() for X in simulation.link_poses().values()])
         middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
         size = max(float(np.ptp(points, axis=0).max()), 0.3)
-        eye = middle + 2.2 * size * np.array([0.8, -1.0, 0.45])
+        eye = middle + 2.2 * size * np.array(THREE_QUARTER)
         return self._scenery.color(query, self._camera, _look_at(eye, middle))
 
 

@@ -34,6 +34,7 @@ from pydrake.geometry import (
     GeometrySet,
     HydroelasticContactRepresentation,
     Mesh,
+    Obb,
     PenetrationAsPointPair,
     PerceptionProperties,
     PolygonSurfaceMesh,
@@ -412,6 +413,13 @@ _GROUND_COLOR = Rgba(0.8, 0.8, 0.8, 1.0)
 def hull_vertices(hull: PolygonSurfaceMesh) -> Array:
     """Return the vertices of a hull [m], shape (n, 3)."""
     return np.array([hull.vertex(i) for i in range(hull.num_vertices())])
+
+
+def box_corners(box: Obb) -> Array:
+    """Return the corners of a box around a shape [m], in its frame, shape (8, 3)."""
+    signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1)
+    corners: Array = box.pose().multiply(box.half_width()[:, None] * signs).T
+    return corners
 
 
 def hull_triangles(hull: PolygonSurfaceMesh) -> NDArray[np.int64]:

@@ -30,7 +30,7 @@ from pydrake.systems.primitives import VectorLogSink
 from arm_drake.arrays import Array
 from arm_drake.description.joints import FREE_TYPES, WORLD, from_the_root
 from arm_drake.description.robot import Robot
-from arm_drake.plant.contact import hull_vertices
+from arm_drake.plant.contact import box_corners, hull_vertices
 from arm_drake.plant.plant import origin_transform, transform_of
 
 # Name of the log, after the prefix of its robot.
@@ -143,8 +143,7 @@ def resting_shape(
         if hull is not None:
             corners = hull_vertices(hull)
         elif box is not None:
-            signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1)
-            corners = box.pose().multiply(box.half_width()[:, None] * signs).T
+            corners = box_corners(box)
         else:  # A half space, whose highest points its origin is one of.
             corners = np.zeros((1, 3))
     return RestingShape(shape, X_BG, corners)

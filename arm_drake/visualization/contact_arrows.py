@@ -1,6 +1,6 @@
 """Contact forces as arrows from the points where they act."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Self
 
 import numpy as np
@@ -54,15 +54,13 @@ class ContactArrows:
 
     def show(self, contacts: ContactsState) -> None:
         """Draw the forces on a robot in place of those before."""
-        forces = [
-            (to_array(point), to_array(wrench.force) * self._length / self._force)
-            for state in contacts.states
-            for point, wrench in zip(
-                state.contact_positions, state.wrenches, strict=True
-            )
-        ]
+        self.draw(points_and_forces(contacts))
+
+    def draw(self, forces: Iterable[tuple[Array, Array]]) -> None:
+        """Draw points in the world [m] and forces there [N], in place of others."""
+        rods = ((p, force * self._length / self._force) for p, force in forces)
         smallest = _SMALLEST * self._length
-        large = [(p, rod) for p, rod in forces if np.linalg.norm(rod) > smallest]
+        large = [(p, rod) for p, rod in rods if np.linalg.norm(rod) > smallest]
         for index, (point, rod) in enumerate(large):
             path = f"{self._path}/{index}"
             if index == self._num_made:
@@ -78,12 +76,19 @@ class ContactArrows:
 
     def hide(self) -> None:
         """Draw nothing."""
-        self.show(ContactsState())
+        self.draw(())
 
     def _make(self, path: str) -> None:
         radius = _THICKNESS * self._length
         self._meshcat.SetObject(f"{path}/rod", Cylinder(radius, 1.0), _GREEN)
         self._meshcat.SetObject(f"{path}/point", Sphere(2.0 * radius), _GREEN)
+
+
+def points_and_forces(contacts: ContactsState) -> Iterator[tuple[Array, Array]]:
+    """Yield the points [m] of a message, and the force [N] at each."""
+    for state in contacts.states:
+        for point, wrench in zip(state.contact_positions, state.wrenches, strict=True):
+            yield to_array(point), to_array(wrench.force)
 
 
 def _stretch(point: Array, rod: Array | None) -> Array:

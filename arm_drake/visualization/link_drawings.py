@@ -5,7 +5,6 @@ transform of ``/drake`` moves it all.
 """
 
 import functools
-import itertools
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
@@ -45,7 +44,7 @@ from arm_drake.description.meshes.reading import read_surfaces
 from arm_drake.description.meshes.surfaces import stack
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.errors import check_known
-from arm_drake.plant.contact import hull_triangles, hull_vertices
+from arm_drake.plant.contact import box_corners, hull_triangles, hull_vertices
 
 # A robot without shapes whose links are all in one place counts as so large [m].
 _SMALLEST = 0.1
@@ -122,18 +121,14 @@ class DrawnRobot:
     def size(self) -> float:
         """Diagonal of the box around all links and shapes, by default [m]."""
         points = [X_WL.translation() for X_WL in self.link_poses.values()]
-        signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
         for part in self.parts:
             X_WB = self._pose(part.body)
             for role in (Role.kIllustration, Role.kProximity):
                 for geometry in self.shapes(part.body, role):
                     box = self.inspector.GetObbInGeometryFrame(geometry)
-                    if box is None:
-                        continue
-                    X_BG = self.inspector.GetPoseInFrame(geometry)
-                    corners = (signs * box.half_width()).T
-                    X_WO = X_WB @ X_BG @ box.pose()
-                    points += list(X_WO.multiply(corners).T)
+                    if box is not None:
+                        X_WG = X_WB @ self.inspector.GetPoseInFrame(geometry)
+                        points += list(X_WG.multiply(box_corners(box).T).T)
         return max(float(np.linalg.norm(np.ptp(points, axis=0))), _SMALLEST)
 
     def shapes(self, body: RigidBody, role: Role) -> list[GeometryId]:

@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 import ipaddress
-import itertools
 import socket
 from collections.abc import Collection, Sequence
 from pathlib import Path
@@ -25,6 +24,7 @@ from arm_drake.arrays import Array
 from arm_drake.description.meshes.surfaces import Surface, encode_gltf
 from arm_drake.errors import InputError
 from arm_drake.importing import dataclass
+from arm_drake.plant.contact import box_corners
 from arm_drake.worlds.sdf_models import GroundLook
 
 # Where a robot is looked at from: in front of it, to its right, above it.
@@ -288,9 +288,9 @@ def frame_shapes(
         for geometry in inspector.GetGeometries(frame, Role.kIllustration):
             box = inspector.GetObbInGeometryFrame(geometry)
             if box is not None:
-                X_WB = query.GetPoseInWorld(geometry) @ box.pose()
-                signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
-                corners.append(X_WB.multiply((signs * box.half_width()).T).T)
+                X_WG = query.GetPoseInWorld(geometry)
+                corners.append(X_WG.multiply(box_corners(box).T).T)
+                X_WB = X_WG @ box.pose()
                 # Of the ellipsoid in the box: a wheel's box stands on its edge.
                 down = X_WB.rotation().matrix()[2] * box.half_width()
                 lowest.append(X_WB.translation()[2] - np.linalg.norm(down))

@@ -52,6 +52,29 @@ def test_the_simulator_says_that_it_stands_in_for_the_plugin(plugin, called):
     ]
 
 
+@pytest.mark.parametrize(
+    ("plugin", "command", "is_told"),
+    [
+        ("franka_hardware/FrankaHardwareInterface", "effort", True),
+        ("franka_hardware/FrankaHardwareInterface", "position", False),
+        ("a/B", "effort", False),
+    ],
+)
+def test_hardware_that_holds_the_robots_weight_is_told(plugin, command, is_told):
+    joint = ComponentInfo("j", (InterfaceInfo(command),))
+
+    _, *lines = lines_of(plugin, joints=(joint,))
+
+    assert (
+        lines
+        == [
+            f"info: {PLACE}: efforts of 'j', to which its hardware adds the robot's "
+            "weight; they act alone: a controller has to hold it"
+        ]
+        * is_told
+    )
+
+
 def test_parameters_of_the_plugin_are_named():
     assert lines_of(parameters={"ip": "1", "port": "2"}) == [
         f"info: {PLACE}: hardware plugin 'a/B'; "

@@ -396,6 +396,17 @@ def test_torques_of_wheels_are_told(tmp_path: Path) -> None:
     ) in lines(classic)
 
 
+def test_wheels_without_an_effort_limit_turn_against_their_own_damping(tmp_path):
+    # As Stretch's, whose damping takes more than what slips on the ground.
+    dynamics = '<dynamics damping="20" friction="5"/>'
+
+    sim = simulate(load(tmp_path, cart(diff_drive(), limit=dynamics)))
+    sim.topic(COMMAND).publish(FORWARDS)
+    sim.run(0.5)
+
+    assert speeds(sim) == {"left": SPEED, "right": SPEED}
+
+
 def test_unused_measures_and_unknown_tags_are_reported(tmp_path: Path) -> None:
     block = classic_drive(("wheel_separation", 0.5), ("command_topic", "go"))
 

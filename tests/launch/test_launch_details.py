@@ -1307,6 +1307,13 @@ def test_rviz_may_be_started_with_a_fixed_frame(package: Path) -> None:
     assert plan.rviz == package / "none.rviz"
 
 
+def test_a_fixed_frame_of_rviz_is_no_matter_without_a_page(package: Path) -> None:
+    rviz = 'Node(package="rviz2", executable="rviz2", arguments=["-f", "world"])'
+    path = describe(package, f"publisher(), manager(), spawner('forward'), {rviz}")
+
+    assert main(["launch", str(path), "--headless", "--duration", "0.1"]) == 0
+
+
 @pytest.mark.slow
 def test_the_command_line_says_how_a_robot_is_loaded(
     package: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path

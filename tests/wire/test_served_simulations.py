@@ -270,7 +270,7 @@ def test_a_client_that_stands_still_stops_nobody() -> None:
         assert client.stdout is not None
         assert client.stdout.readline() == "ready\n"
         os.kill(client.pid, signal.SIGSTOP)
-        start, began = server.simulation.time, time.monotonic()
+        start = server.simulation.time
         try:
             wait_for(lambda: server.simulation.time > start + 5.0)
 
@@ -284,7 +284,6 @@ def test_a_client_that_stands_still_stops_nobody() -> None:
             client.stdout.close()
 
         assert answer["result"] is True
-        assert time.monotonic() - began < 20.0
 
 
 def test_clients_come_and_go() -> None:

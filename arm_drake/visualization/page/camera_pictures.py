@@ -1,6 +1,5 @@
 """Pictures of a robot's cameras on the page, and where the cameras are in the scene."""
 
-import base64
 import io
 import time
 from collections.abc import Sequence
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.geometry import Rgba
 
+from arm_drake.description.meshes.surfaces import data_uri
 from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.perception.cameras import Camera, CameraHandle
 from arm_drake.perception.images import color_depths, depth_range
@@ -165,7 +165,7 @@ def _as_uri(pixels: NDArray[np.uint8]) -> str:
 
     file = io.BytesIO()
     Image.fromarray(pixels).save(file, "JPEG", quality=_QUALITY)
-    return f"data:image/jpeg;base64,{base64.b64encode(file.getvalue()).decode()}"
+    return data_uri("image/jpeg", file.getvalue())
 
 
 def _frustum(camera: CameraHandle) -> tuple[NDArray[Any], NDArray[Any]]:

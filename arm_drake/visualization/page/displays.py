@@ -20,14 +20,13 @@ from arm_drake.messages import (
     Odometry,
     PointCloud2,
     Pose,
-    Vector3,
     WrenchStamped,
 )
-from arm_drake.messages.sensors import ContactsState, ContactState
+from arm_drake.messages.sensors import ContactsState
 from arm_drake.perception.cameras import R_SENSOR_OPTICAL, Camera
 from arm_drake.perception.images import to_colors, to_points
 from arm_drake.perception.lidar import Lidar
-from arm_drake.visualization.contact_arrows import ContactArrows, to_array
+from arm_drake.visualization.contact_arrows import points_and_forces, to_array
 from arm_drake.visualization.page.parts import Drawn, Part
 from arm_drake.visualization.page.widgets import Section, Toggle
 from arm_drake.visualization.trail import Trail
@@ -238,15 +237,7 @@ class _Forces(Display):
     def __init__(self, live: Drawn, topic: str, path: str) -> None:
         """Create it, with nothing drawn."""
         super().__init__(live, topic, path)
-        simulation = live.simulation
-        poses = simulation.link_poses(self._robot).values()
-        mass = 1.0
-        if live.views.has_physics:
-            model = simulation.plant.GetModelInstanceByName(self._robot)
-            plant, root = simulation.plant, simulation.context
-            mass = plant.CalcTotalMass(plant.GetMyContextFromRoot(root), [model])
-        name = topic.strip("/")
-        self._arrows = ContactArrows.of_robot(live.page.meshcat, name, mass, poses)
+        self._arrows = live.views.make_arrows(self._robot, topic.strip("/"))
 
     def clear(self) -> None:
         """Draw nothing."""
@@ -262,11 +253,7 @@ class WrenchArrow(_Forces):
         """Draw the force."""
         X_WF = self._pose(message.header.frame_id)
         force = X_WF.rotation() @ to_array(message.wrench.force)
-        state = ContactState(
-            wrenches=(type(message.wrench)(force=Vector3(*force)),),
-            contact_positions=(Vector3(*X_WF.translation()),),
-        )
-        self._arrows.show(ContactsState(states=(state,)))
+        self._arrows.draw([(X_WF.translation(), force)])
 
 
 class Contacts(_Forces):
@@ -277,20 +264,10 @@ class Contacts(_Forces):
     def draw(self, message: ContactsState) -> None:
         """Draw the points."""
         X_WF = self._pose(message.header.frame_id)
-        states = []
-        for state in message.states:
-            forces = [X_WF.rotation() @ to_array(w.force) for w in state.wrenches]
-            points = [X_WF @ to_array(p) for p in state.contact_positions]
-            states.append(
-                ContactState(
-                    wrenches=tuple(
-                        type(w)(force=Vector3(*f))
-                        for w, f in zip(state.wrenches, forces, strict=True)
-                    ),
-                    contact_positions=tuple(Vector3(*point) for point in points),
-                )
-            )
-        self._arrows.show(ContactsState(states=tuple(states)))
+        self._arrows.draw(
+            (X_WF @ point, X_WF.rotation() @ force)
+            for point, force in points_and_forces(message)
+        )
 
 
 # What draws messages, by their class's name.

@@ -17,7 +17,6 @@ from arm_drake.arrays import Array
 from arm_drake.errors import check_known
 from arm_drake.importing import dataclass
 from arm_drake.options import GRAVITY
-from arm_drake.plant.kinematics import KinematicPlant
 from arm_drake.visualization.page.parts import Live, Part
 from arm_drake.visualization.page.widgets import (
     Button,
@@ -304,6 +303,5 @@ def _ceil(force: float) -> float:
 
 def make_hands(live: Live) -> Hands | None:
     """Return the section of a simulation with physics; None where there is none."""
-    plant = live.simulation.diagram.GetSubsystemByName("plant")
     is_open = live.simulation.diagram.HasInputPort(_PORT)
-    return Hands(live) if is_open and not isinstance(plant, KinematicPlant) else None
+    return Hands(live) if is_open and live.views.has_physics else None

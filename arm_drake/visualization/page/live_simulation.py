@@ -2,7 +2,6 @@
 
 import collections
 import dataclasses as dc
-import itertools
 import math
 import re
 import time
@@ -436,9 +435,10 @@ class LiveSimulation:
         """
         if self.scene is None:
             raise InputError("no scene was given that could be saved")
-        names = (f"scene_{number}.yaml" for number in itertools.count(2))
-        paths = map(Path, itertools.chain(["scene.yaml"], names))
-        path = next(path for path in paths if not path.exists())
+        # Not at the top: it brings plans' timing.
+        from arm_drake.visualization.page.teaching import find_free_name
+
+        path = find_free_name("scene")
         self.scene.at(self.simulation).save(path)
         self.note(f"scene saved: {path}")
         return path

@@ -88,7 +88,8 @@ class LiveViews:
         """
         self.scene = scene
         self._simulation = simulation
-        self._is_recorded = is_recorded
+        # Whether what is drawn is kept for a recording.
+        self.is_recorded = is_recorded
         self._robots = simulation.robots
         self._frames = frame_names(list(self._robots.values()))
         self._views = LinkViews(scene, shown)
@@ -149,6 +150,16 @@ class LiveViews:
             self._robots[robot].description,
             color=color,
         )
+
+    def make_arrows(self, robot: str, name: str) -> ContactArrows:
+        """Return arrows of forces on a robot, of a name, with nothing drawn."""
+        mass = 1.0
+        if self.has_physics:
+            root = self._simulation.simulator.get_context()
+            context = self._plant.GetMyContextFromRoot(root)
+            mass = self._plant.CalcTotalMass(context, [self._models[robot]])
+        poses = self._simulation.link_poses(robot).values()
+        return ContactArrows.of_robot(self.scene.meshcat, name, mass, poses)
 
     def show(self, what: str, is_shown: bool = True) -> None:
         """Draw something, or don't."""
@@ -264,11 +275,6 @@ class LiveViews:
         self._views.update(poses)
         self.readout.update({**things, **self._named(poses)}, self._fixed_frame)
 
-    @property
-    def is_recorded(self) -> bool:
-        """Whether what is drawn is kept for a recording."""
-        return self._is_recorded
-
     def end_recording(self) -> None:
         """Leave out what would stand still in a recording: contact forces."""
         for arrows in self._arrows.values():
@@ -310,14 +316,7 @@ class LiveViews:
             return
         if not self.has_physics:
             raise InputError("contact forces need physics, which this preset has not")
-        context = self._plant.GetMyContextFromRoot(
-            self._simulation.simulator.get_context()
-        )
-        for name, model in self._models.items():
-            mass = self._plant.CalcTotalMass(context, [model])
-            poses = self._simulation.link_poses(name).values()
-            arrows = ContactArrows.of_robot(self.scene.meshcat, name, mass, poses)
-            self._arrows[name] = arrows
+        self._arrows = {name: self.make_arrows(name, name) for name in self._models}
 
     def _contacts(self, robot: str) -> Any:
         prefix = self._simulation.directory.manager(robot).prefix
@@ -337,20 +336,20 @@ class LiveViews:
     ) -> None:
         """Move all so that the fixed frame stays."""
         X_WF = where.get(self._fixed_frame, RigidTransform())
-        if self._is_recorded or not X_WF.IsExactlyEqualTo(self._X_WF):
+        if self.is_recorded or not X_WF.IsExactlyEqualTo(self._X_WF):
             self.scene.meshcat.SetTransform("/drake", X_WF.inverse(), time)
             self._X_WF = RigidTransform(X_WF)
 
     def _draw_links(self) -> None:
         now = self._simulation.time
-        time = now if self._is_recorded else None
+        time = now if self.is_recorded else None
         poses = {name: self._simulation.link_poses(name) for name in self._robots}
         where = self._named(poses)
         self._move_frame(where, time)
         self._views.update(poses, time)
         if self._trail is not None:
             point = where[self._trail_link].translation()
-            self._trail.append(now, point, is_recorded=self._is_recorded)
+            self._trail.append(now, point, is_recorded=self.is_recorded)
         if self._has_ghosts:
             for name, ghost in self._ghosts.items():
                 description = self._robots[name].description
@@ -358,7 +357,7 @@ class LiveViews:
                 positions = commanded_positions(self._simulation, name)
                 base_pose = poses[name].get(base)
                 # Where it is as commanded, only the robot itself is to be seen.
-                hidden_at = None if self._is_recorded else poses[name]
+                hidden_at = None if self.is_recorded else poses[name]
                 ghost.show(
                     positions, base_pose=base_pose, time=time, hidden_at=hidden_at
                 )

@@ -172,10 +172,12 @@ class MotionPlanning:
         self._goal: _Goal | None = None
         self._is_stale = False
         self._ghosts: dict[tuple[str, str], Ghost] = {}
-        self._plan: Plan | None = None
+        # The plan that would be executed.
+        self.plan: Plan | None = None
         self._playing: _Playing | None = None
         self._waiting: list[WidgetEvent] = []
-        self._status = "choose a goal"
+        # What came of the last click, in words.
+        self.status = "choose a goal"
 
     @property
     def goal(self) -> Mapping[str, float] | None:
@@ -186,16 +188,6 @@ class MotionPlanning:
     def problem(self) -> str:
         """What is wrong with the goal, in words."""
         return "" if self._goal is None else self._goal.problem
-
-    @property
-    def plan(self) -> "Plan | None":
-        """The plan that would be executed."""
-        return self._plan
-
-    @property
-    def status(self) -> str:
-        """What came of the last click, in words."""
-        return self._status
 
     @property
     def is_playing(self) -> bool:
@@ -307,24 +299,24 @@ class MotionPlanning:
         try:
             if goal.problem:
                 raise InputError(goal.problem)
-            self._plan = motion_planning.plan(planned, target, **options)
+            self.plan = motion_planning.plan(planned, target, **options)
         except ArmDrakeError as error:
             self._say(f"no plan: {error}")
             return
-        self._say(self._plan.describe())
+        self._say(self.plan.describe())
         self.play()
 
     def play(self) -> None:
         """Let a ghost go along the plan, which leaves a trail."""
-        if self._plan is not None:
-            self._playing = _Playing(self._plan, time.monotonic())
-            self._draw_trail(self._plan)
+        if self.plan is not None:
+            self._playing = _Playing(self.plan, time.monotonic())
+            self._draw_trail(self.plan)
 
     def execute(self) -> None:
         """Let the robot move along the plan."""
-        if self._plan is None:
+        if self.plan is None:
             raise InputError("there is no plan to execute: plan first")
-        plan, self._plan = self._plan, None
+        plan, self.plan = self.plan, None
         self._end_playing()
         self._say(self._host.execute(plan))
 
@@ -385,13 +377,13 @@ class MotionPlanning:
                 for key, value in self._scaling.items()
             ),
             Buttons(buttons),
-            Text("plan:status", "status", self._status, can_copy=True),
+            Text("plan:status", "status", self.status, can_copy=True),
         ]
         return Section("Motion planning", tuple(widgets), is_open=False)
 
     def changes(self) -> dict[str, dict[str, Any]]:
         """Return what changes by itself in the panel, by widget."""
-        return {"plan:status": {"value": self._status}} if self._groups else {}
+        return {"plan:status": {"value": self.status}} if self._groups else {}
 
     def _values(self) -> dict[str, dict[str, Any]]:
         """Return the present values of all widgets."""
@@ -542,11 +534,11 @@ class MotionPlanning:
             self._scene.meshcat.Delete(TRAIL_PATH)
 
     def _forget_plan(self) -> None:
-        self._plan = None
+        self.plan = None
         self._end_playing()
 
     def _say(self, text: str) -> None:
-        self._status = text
+        self.status = text
         self._scene.patch({"plan:status": {"value": text}})
 
     def _states(self) -> tuple[str, ...]:

@@ -161,15 +161,11 @@ class ReplayPage:
         self.page, self.replay = page, replay
         self.is_playing = True
         self.time = replay.start
-        self._rate = rate
+        # Recorded seconds per second.
+        self.rate = rate
         self._is_stopped = False
         replay.frame()
         page.set_panel(replay.robot.title, self._sections())
-
-    @property
-    def rate(self) -> float:
-        """Recorded seconds per second."""
-        return self._rate
 
     def play(self) -> None:
         """Let time pass; at the end, from the start."""
@@ -189,7 +185,7 @@ class ReplayPage:
         """Set how fast time passes."""
         if not 0.0 < rate < float("inf"):
             raise InputError(f"speed: expected a positive number, got {rate!r}")
-        self._rate = rate
+        self.rate = rate
 
     def run(self) -> None:
         """Do what is clicked, and play, until `stop`."""
@@ -198,7 +194,7 @@ class ReplayPage:
             self.handle(self.page.events(_FRAME_PERIOD))
             now = time.perf_counter()
             if self.is_playing:
-                self.seek(self.time + self._rate * (now - last))
+                self.seek(self.time + self.rate * (now - last))
                 self.is_playing = self.time < self.replay.end
             last = now
             if self.time != drawn_at:
@@ -230,7 +226,7 @@ class ReplayPage:
 
     def _sections(self) -> list[Section]:
         replay, rollout = self.replay, self.replay.rollout
-        rates, now = rate_options(self._rate), rate_text(self._rate)
+        rates, now = rate_options(self.rate), rate_text(self.rate)
         buttons = (
             Button("play", "pause", "play or pause (space)", key=" "),
             Button("restart", "restart", "back to the start"),

@@ -10,6 +10,7 @@ from arm_drake.description.elements import free_name
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
 from arm_drake.output_files import writing
+from arm_drake.planning.groups import joints_of
 from arm_drake.planning.timing import motion_limits
 from arm_drake.simulation.motion_files import parse_motion
 from arm_drake.visualization.page.parts import Live, Part, Viewer
@@ -31,12 +32,9 @@ def find_trajectory_controllers(robot: Robot) -> dict[str, tuple[str, ...]]:
     own = {joint.name for joint in robot.description.independent_joints}
     found = {}
     for controller in robot.controllers.controllers:
-        parameter = controller.parameters.get("joints")
-        if controller.type.endswith(_CONTROLLER) and parameter is not None:
-            names = parameter.value if isinstance(parameter.value, list) else []
-            joints = tuple(str(name) for name in names)
-            if joints and set(joints) <= own:
-                found[controller.name] = joints
+        joints = joints_of(controller)
+        if controller.type.endswith(_CONTROLLER) and joints and set(joints) <= own:
+            found[controller.name] = joints
     return found
 
 

@@ -24,6 +24,10 @@ from arm_drake.visualization.page.widgets import Button, Buttons, Slider, Widget
 _DIGITS = 4
 
 
+# What can be done with grippers: their buttons, in the order of both ends.
+GRIPS = ("open", "close")
+
+
 class Remote(ABC):
     """Commands one controller by widgets; what they do are methods too.
 
@@ -155,6 +159,14 @@ class Remote(ABC):
     def id_of(self, part: str) -> str:
         """Return the id of a widget."""
         return f"remote:{self.controller}:{part}"
+
+    def _slider(self, part: str, axis: "Axis", label: str = "") -> Slider:
+        """Return the slider of a number, by default called as its joint."""
+        ends = axis.lower, axis.upper
+        return Slider(self.id_of(part), label or axis.joint, *ends, 0.0, axis.unit)
+
+    def _grip_buttons(self) -> list[Button]:
+        return [Button(self.id_of(text), text) for text in GRIPS]
 
     def _fields(self) -> dict[str, dict[str, Any]]:
         """Return the fields that change of every widget."""

@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from arm_drake import interfaces
+from arm_drake.arrays import is_finite
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.controllers.gazebo.joint_trajectory import GazeboRosJointPoseTrajectory
 from arm_drake.controllers.gazebo.plugin import position_topic, velocity_topic
@@ -41,6 +42,7 @@ from arm_drake.simulation.simulation import Simulation
 from arm_drake.simulation.topics import COMMANDS, TOPIC, ControllerTopics
 from arm_drake.visualization.page.widgets import Button, Buttons, Slider
 from arm_drake.visualization.teleop.base import (
+    GRIPS,
     Axis,
     GrippingRemote,
     Remote,
@@ -178,8 +180,7 @@ def find_velocity_port(system: ControllerInterface) -> str | None:
 
 
 def _finite(value: Any) -> float | None:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return float(value) if is_number and math.isfinite(value) else None
+    return float(value) if is_finite(value) else None
 
 
 class CommandRemote(GrippingRemote):
@@ -196,15 +197,9 @@ class CommandRemote(GrippingRemote):
         self._sent: dict[str, float] = {}
         self._grips = self._find_grips()
         interfaces = {axis.interface for axis in self._axes.values()}
+        is_mixed = len(interfaces) > 1
         self._layout = tuple(
-            Slider(
-                self.id_of(f"value:{name}"),
-                axis.joint if len(interfaces) == 1 else name,
-                axis.lower,
-                axis.upper,
-                0.0,
-                axis.unit,
-            )
+            self._slider(f"value:{name}", axis, name if is_mixed else "")
             for name, axis in self._axes.items()
         )
         buttons = []
@@ -212,7 +207,7 @@ class CommandRemote(GrippingRemote):
             hint = "set all but positions to 0" if POSITION in interfaces else ""
             buttons.append(Button(self.id_of("zero"), "zero", hint))
         if self._grips:
-            buttons += [Button(self.id_of(text), text) for text in ("open", "close")]
+            buttons += self._grip_buttons()
         if buttons:
             self._layout = (*self._layout, Buttons(tuple(buttons)))
 
@@ -289,7 +284,7 @@ class CommandRemote(GrippingRemote):
         if part == "zero":
             self.zero()
         elif value is None:
-            self._grip(("open", "close").index(part))
+            self._grip(GRIPS.index(part))
         else:
             self.command({part.removeprefix("value:"): value})
 
@@ -397,14 +392,9 @@ class GripperRemote(Remote):
             self._effort = _EFFORT if limit is None else limit
         # Position of the last goal.
         self._goal: float | None = None
-        joint, lower, upper = self._axis.joint, self._axis.lower, self._axis.upper
-        slider = Slider(
-            self.id_of("position"), joint, lower, upper, 0.0, self._axis.unit
-        )
-        self._layout = (slider,)
+        self._layout = (self._slider("position", self._axis),)
         if self._ends is not None:
-            buttons = tuple(Button(self.id_of(t), t) for t in ("open", "close"))
-            self._layout = (slider, Buttons(buttons))
+            self._layout = (*self._layout, Buttons(tuple(self._grip_buttons())))
 
     def axes(self) -> Mapping[str, Axis]:
         """Return the joint, by its slider's part of the id."""
@@ -443,7 +433,7 @@ class GripperRemote(Remote):
 
     def _act(self, part: str, value: float | None) -> None:
         if value is None:
-            self._grip(("open", "close").index(part))
+            self._grip(GRIPS.index(part))
         else:
             self.move_to(value)
 
@@ -512,14 +502,7 @@ class TrajectoryRemote(GrippingRemote):
         self._grips = {j: grips[j] for j in self._axes if j in grips}
         self._layout = (
             *(
-                Slider(
-                    self.id_of(f"goal:{joint}"),
-                    joint,
-                    axis.lower,
-                    axis.upper,
-                    axis.show(0.0),
-                    axis.unit,
-                )
+                self._slider(f"goal:{joint}", axis)
                 for joint, axis in self._axes.items()
             ),
             Slider(
@@ -533,11 +516,7 @@ class TrajectoryRemote(GrippingRemote):
             ),
         )
         if self._grips:
-            buttons = (
-                Button(self.id_of("open"), "open"),
-                Button(self.id_of("close"), "close"),
-            )
-            self._layout = (*self._layout, Buttons(buttons))
+            self._layout = (*self._layout, Buttons(tuple(self._grip_buttons())))
 
     def axes(self) -> Mapping[str, Axis]:
         """Return the joints, by their sliders' parts of the ids."""
@@ -634,7 +613,7 @@ class TrajectoryRemote(GrippingRemote):
 
     def _act(self, part: str, value: float | None) -> None:
         if value is None:
-            self._grip(("open", "close").index(part))
+            self._grip(GRIPS.index(part))
         elif part == "speed":
             self._percent = value
         else:
