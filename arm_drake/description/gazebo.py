@@ -206,6 +206,7 @@ def add_mimics(
 ) -> tuple[JointInfo, ...]:
     """Return the joints, with a mimic where a plugin alone lets them follow."""
     found = {joint.name: joint for joint in joints}
+    following = {joint.name for joint in joints if joint.mimic is not None}
     for plugin in (each for each in plugins if each.is_mimic):
         reader = ElementReader(f"Gazebo plugin {plugin.name!r}", report, file)
         master, name = plugin.text("joint"), plugin.text("mimicJoint")
@@ -223,9 +224,10 @@ def add_mimics(
             where = f"joint {name!r}"
             reader.note("info", "repair", what, "taken as its <mimic>", where)
         elif stated != mimic:
-            what = f"{name} = {mimic.multiplier:g} {master} + {mimic.offset:g}, in the "
-            what += f"URDF {stated.multiplier:g} {stated.joint} + {stated.offset:g}"
-            reader.note("warning", "invalid", what, "the URDF counts")
+            first = "the URDF" if name in following else "a plugin before it"
+            what = f"{name} = {mimic.multiplier:g} {master} + {mimic.offset:g}, in "
+            what += f"{first} {stated.multiplier:g} {stated.joint} + {stated.offset:g}"
+            reader.note("warning", "invalid", what, f"{first} counts")
     return tuple(found.values())
 
 

@@ -101,6 +101,18 @@ def test_the_urdf_counts_before_a_plugin():
     )
 
 
+def test_of_two_plugins_the_first_counts():
+    second = PLUGIN.format("j").replace("<joint>", "<offset>1</offset><joint>")
+
+    mimic, (_, line) = follow(PLUGIN.format("j") + second)
+
+    assert mimic == Mimic("m")
+    assert line == (
+        "warning: arm.urdf: Gazebo plugin 'p': j = 1 m + 1, in a plugin before it "
+        "1 m + 0; a plugin before it counts"
+    )
+
+
 def test_a_plugin_of_a_joint_that_isnt_there_is_left_out():
     assert follow(PLUGIN.format("jj")) == (
         None,
