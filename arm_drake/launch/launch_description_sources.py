@@ -1,5 +1,6 @@
 """Launch files in Python, XML and YAML, as what they describe."""
 
+import functools
 import importlib.util
 import types
 from collections.abc import Callable, Mapping
@@ -233,12 +234,45 @@ def _make_set_parameter(element: _Element) -> Any:
     return actions.SetParameter(element.need("name"), value)
 
 
+def _include(
+    package: str, name: str, condition: Any = None, **arguments: Any
+) -> actions.IncludeLaunchDescription:
+    """Return an action of `ros_gz_sim` or its kin: a launch file of that package."""
+    file = Path(substitutions.find_package(package), "launch", f"{name}.launch.py")
+    values = {k: v for k, v in arguments.items() if v is not None}
+    source = actions.LaunchDescriptionSource(str(file))
+    return actions.IncludeLaunchDescription(
+        source, launch_arguments=values, condition=condition
+    )
+
+
+# Actions of Gazebo's packages, which are launch files of theirs.
+GAZEBO_ACTIONS: Mapping[str, Callable[..., Any]] = {
+    "GzServer": functools.partial(_include, "ros_gz_sim", "gz_server"),
+    "GzSpawnModel": functools.partial(_include, "ros_gz_sim", "gz_spawn_model"),
+    "RosGzBridge": functools.partial(_include, "ros_gz_bridge", "ros_gz_bridge"),
+}
+
+
+def _make_gazebo(name: str) -> Any:
+    """Return what makes an action of Gazebo's packages of an element."""
+
+    def make(element: _Element) -> Any:
+        given = element.attributes.keys() - {"if", "unless"}
+        values = {each: element.get(each) for each in given}
+        return GAZEBO_ACTIONS[name](**values)
+
+    return make
+
+
 _MAKERS: Mapping[str, Callable[[_Element], Any]] = {
     "arg": _make_argument,
     "executable": lambda e: actions.ExecuteProcess(
         cmd=[parse_substitution(e.attributes["cmd"])]
     ),
     "group": _make_group,
+    "gz_server": _make_gazebo("GzServer"),
+    "gz_spawn_model": _make_gazebo("GzSpawnModel"),
     "include": _make_include,
     "let": _make_pair(actions.SetLaunchConfiguration),
     "log": lambda e: actions.LogInfo(msg=e.need("message")),
@@ -249,6 +283,7 @@ _MAKERS: Mapping[str, Callable[[_Element], Any]] = {
     "node_container": _make_components,
     "push-ros-namespace": lambda e: actions.PushRosNamespace(e.need("namespace")),
     "push_ros_namespace": lambda e: actions.PushRosNamespace(e.need("namespace")),
+    "ros_gz_bridge": _make_gazebo("RosGzBridge"),
     "ros_timer": _make_timer,
     "set_env": _make_pair(actions.SetEnvironmentVariable),
     "append_env": _make_pair(actions.AppendEnvironmentVariable),

@@ -35,6 +35,7 @@ import yaml
 from arm_drake.launch import actions, event_handlers, parameters, substitutions
 from arm_drake.launch.actions import LaunchRun
 from arm_drake.launch.launch_description_sources import (
+    GAZEBO_ACTIONS,
     load_as_module,
     read_launch_file,
 )
@@ -276,29 +277,9 @@ def _spawner(
     )
 
 
-def _include(
-    package: str, name: str, condition: Any = None, **arguments: Any
-) -> actions.IncludeLaunchDescription:
-    """Return an action of `ros_gz_sim` or its kin: a launch file of that package."""
-    file = Path(substitutions.find_package(package), "launch", f"{name}.launch.py")
-    values = {k: v for k, v in arguments.items() if v is not None}
-    source = actions.LaunchDescriptionSource(str(file))
-    return actions.IncludeLaunchDescription(
-        source, launch_arguments=values, condition=condition
-    )
-
-
 def _load_yaml(path: Any) -> Any:
     with open(path, encoding="utf-8") as file:
         return yaml.safe_load(file)
-
-
-# Actions of Gazebo's packages, which are launch files of theirs.
-_GAZEBO = {
-    "GzServer": ("ros_gz_sim", "gz_server"),
-    "GzSpawnModel": ("ros_gz_sim", "gz_spawn_model"),
-    "RosGzBridge": ("ros_gz_bridge", "ros_gz_bridge"),
-}
 
 
 # Modules of `ament_index_python`, and of `moveit_configs_utils`.
@@ -363,7 +344,6 @@ def _list_modules() -> Mapping[str, Mapping[str, Any]]:
         "generate_load_controller_launch_description": _load_controller,
     }
     nav2 = {each.__name__: each for each in parameters.OF_NAV2}
-    gazebo = {name: functools.partial(_include, *of) for name, of in _GAZEBO.items()}
     builder = {
         "ParameterBuilder": ParameterBuilder,
         "load_yaml": _load_yaml,
@@ -379,9 +359,9 @@ def _list_modules() -> Mapping[str, Mapping[str, Any]]:
         "moveit_configs_utils": moveit,
         **{f"moveit_configs_utils.{name}": moveit for name in _OF_MOVEIT},
         "ros_gz_bridge": {},
-        "ros_gz_bridge.actions": gazebo,
+        "ros_gz_bridge.actions": GAZEBO_ACTIONS,
         "ros_gz_sim": {},
-        "ros_gz_sim.actions": gazebo,
+        "ros_gz_sim.actions": GAZEBO_ACTIONS,
         "nav2_common": {},
         "nav2_common.launch": nav2,
         "launch_param_builder": builder,

@@ -660,6 +660,50 @@ def test_actions_of_gazebo_are_its_launch_files(package: Path) -> None:
     assert plan.bridge_files == (package / "b.yaml",)
 
 
+@pytest.mark.parametrize("suffix", ["xml", "yaml"])
+def test_actions_of_gazebo_are_elements_too(package: Path, suffix: str) -> None:
+    (package / "w.sdf").write_text("<sdf version='1.9'><world name='w'/></sdf>")
+    (package / "launch").mkdir(exist_ok=True)
+    path = package / f"launch/gz.launch.{suffix}"
+    if suffix == "xml":
+        path.write_text("""
+<launch>
+  <arg name="x" default="1.5"/>
+  <arg name="urdf" default="$(dirname)/../urdf/pendulum.urdf.xacro"/>
+  <gz_server world_sdf_file="$(find-pkg-share pendulum_bringup)/w.sdf"/>
+  <node pkg="robot_state_publisher" exec="robot_state_publisher">
+    <param name="robot_description" value="$(command 'xacro $(var urdf)')"/>
+  </node>
+  <gz_spawn_model topic="robot_description" entity_name="left" x="$(var x)"/>
+  <gz_spawn_model topic="robot_description" entity_name="no" if="false"/>
+  <ros_gz_bridge bridge_name="b" config_file="$(dirname)/../b.yaml"/>
+</launch>""")
+    else:
+        path.write_text("""
+launch:
+- arg: {name: x, default: "1.5"}
+- arg: {name: urdf, default: $(dirname)/../urdf/pendulum.urdf.xacro}
+- gz_server: {world_sdf_file: $(find-pkg-share pendulum_bringup)/w.sdf}
+- node:
+    pkg: robot_state_publisher
+    exec: robot_state_publisher
+    param:
+    - {name: robot_description, value: "$(command 'xacro $(var urdf)')"}
+- gz_spawn_model: {topic: robot_description, entity_name: left, x: $(var x)}
+- gz_spawn_model: {topic: robot_description, entity_name: "no", if: false}
+- ros_gz_bridge: {bridge_name: b, config_file: $(dirname)/../b.yaml}
+""")
+
+    plan = ad.load_launch(path)
+
+    assert plan.world == package / "w.sdf"
+    assert [(robot.name, robot.pose) for robot in plan.robots] == [
+        ("left", (1.5, 0.0, 0.0, 0.0, 0.0, 0.0))
+    ]
+    (bridge_file,) = plan.bridge_files
+    assert bridge_file.resolve() == package / "b.yaml"
+
+
 CART = """
 <sdf version="1.8"><model name="cart"><link name="base"/>
 <link name="a"/><joint name="left" type="revolute"><parent>base</parent>
