@@ -90,7 +90,7 @@ if TYPE_CHECKING:
 
 
 class Setting(NamedTuple):
-    """What is simulated together, and in which steps."""
+    """Robots, world and options of a simulation, and its steps."""
 
     robots: Sequence[Robot]
     world: LoadedWorld

@@ -17,7 +17,7 @@ _MAX_FILES = 5
 
 
 class Located(Protocol):
-    """What stands in a file, such as a parameter."""
+    """Object with a place in a file, such as a parameter."""
 
     @property
     def file(self) -> Path:
@@ -90,7 +90,7 @@ class SimulationError(ArmDrakeError):
 
 
 class OutputError(InputError):
-    """A result can't be written where it was asked for."""
+    """A result can't be written to the requested place."""
 
 
 class MissingExtraError(ArmDrakeError, ImportError):
@@ -183,7 +183,7 @@ def suggest(name: str, known: Iterable[str]) -> str:
 
 
 def suggest_file(path: Path) -> str:
-    """Return the end of a message about a file that isn't there: "; ..." or ""."""
+    """Return the end of a message about a missing file: "; ..." or ""."""
     folder = path.parent
     if not folder.is_dir():
         nearest = next((each for each in folder.parents if each.is_dir()), folder)

@@ -74,7 +74,7 @@ def _frozen_dataclass(
 
 
 class _Factory:
-    """What stands for a value that is made anew for each object."""
+    """Placeholder of a value that is made anew for each object."""
 
     def __repr__(self) -> str:
         return "<factory>"

@@ -203,7 +203,7 @@ def _check_types(arguments: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class _Loading(NamedTuple):
-    """What is loaded, and how; its report and its files grow."""
+    """Sources and options of a load; its report and its files grow."""
 
     # Those of `load_robot`, paths in tuples.
     arguments: Mapping[str, Any]
@@ -231,7 +231,7 @@ class _Loading(NamedTuple):
 def _start(
     arguments: Mapping[str, Any], controller_types: Mapping[str, ControllerType] | None
 ) -> _Loading:
-    """Return what is to be loaded, after a check of what can be told already."""
+    """Return the sources and options of a load, after a first check."""
     source, name = arguments["source"], arguments["name"]
     if name is not None and (not name or "/" in name):
         raise InputError(f"name {name!r}: expected a name without '/'")

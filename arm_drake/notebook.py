@@ -63,7 +63,7 @@ _REMOTE_VARIABLES = (
 
 
 class Recording:
-    """What was recorded of a simulation; in a notebook its value plays in the cell."""
+    """Recording of a simulation; in a notebook its value plays in the cell."""
 
     def __init__(self, page: str) -> None:
         """Create it.
@@ -146,7 +146,7 @@ class PageThread:
     def __init__(
         self, make_page: Callable[[], Page], make: Callable[[Page], Any]
     ) -> None:
-        """Start it, and wait until the page is there."""
+        """Start it, and wait until the page is open."""
         self._ready: concurrent.futures.Future[Page] = concurrent.futures.Future()
         self._done = threading.Event()
         self._is_unwanted = False
@@ -304,7 +304,7 @@ class PageHandle:
         return act
 
     def __dir__(self) -> list[str]:
-        """Return also what there is of what is shown."""
+        """Return also the attributes of what is shown."""
         own = [*super().__dir__()]
         return own + (self.call(dir) if self.is_open else [])
 

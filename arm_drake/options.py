@@ -23,7 +23,7 @@ LONGEST_DELAY = 10_000
 
 
 class _Preset(NamedTuple):
-    """What a preset brings with it."""
+    """Settings of a preset."""
 
     # Largest step, where none is asked for [s].
     largest_step: float
@@ -53,7 +53,7 @@ PRESETS = tuple(_PRESETS)
 
 @dataclass(frozen=True)
 class SimulationOptions:
-    """How a robot is simulated."""
+    """Options of a robot's simulation."""
 
     # "accurate": the dynamics, with everything. "fast": the dynamics of robots that
     # touch nothing, in steps as large as the controllers' period. "kinematic": none,
@@ -141,7 +141,7 @@ class SimulationOptions:
 
     @property
     def leaves_out(self) -> str:
-        """What the preset leaves out; empty if nothing."""
+        """Parts that the preset leaves out; empty if none."""
         return _PRESETS[self.preset].leaves_out
 
     def __post_init__(self) -> None:

@@ -69,7 +69,7 @@ class MotionOfSeveral(Motion):
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What `load_scene` returns, and `build_diagram` takes in place of robots."""
+    """Scene that `load_scene` returns, and `build_diagram` takes in place of robots."""
 
     robots: tuple[Robot, ...]
 

@@ -110,7 +110,7 @@ _SURE = 4.0
 
 @dc.dataclass
 class Choice:
-    """What was chosen, so far."""
+    """Backend and number of workers chosen so far."""
 
     backend: str
     workers: int
@@ -121,7 +121,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Work:
-    """What is to be run."""
+    """Function, inputs and limits of the runs to execute."""
 
     function: Callable[[Any], Any]
     items: Sequence[Any]
@@ -185,7 +185,7 @@ class _Starter:
     """Starts processes as soon as they pay, also in the midst of a run here."""
 
     def __init__(self, work: Work, waiting: deque[int], choice: Choice) -> None:
-        """Create it with the places of runs that have not begun; choice is told why."""
+        """Create it with the places of runs that have not begun; choice.why is set."""
         # None before processes are started.
         self.pool: Pool | None = None
         self._work, self._waiting, self._choice = work, waiting, choice
@@ -391,7 +391,7 @@ _BACKENDS = ("auto", "serial", "threads", "processes")
 
 
 class _ExecutionOptions(TypedDict, total=False):
-    """What `run_many` and `iterate_many` take alike, for type checkers."""
+    """Common options of `run_many` and `iterate_many`, for type checkers."""
 
     workers: int | None
     backend: Backend
@@ -598,7 +598,7 @@ def _sorted(results: Iterable[RunResult[Any]]) -> list[RunResult[Any]]:
 
 
 class _How(NamedTuple):
-    """Where runs are executed, and with what."""
+    """Backend, workers, limits and results file of an execution."""
 
     workers: int | None
     backend: str

@@ -93,7 +93,7 @@ def compare_versions(theirs: Mapping[str, str], ours: Mapping[str, str]) -> str:
 
 @dc.dataclass
 class _Kept:
-    """What this process was sent, and later what is made of it."""
+    """Data that this process received, and later the object made of it."""
 
     value: Any
 
@@ -355,7 +355,7 @@ class _Sender:
 
 
 class RunPool:
-    """What runs are given to, whatever it is: a client of dask, or an executor."""
+    """Pool that executes runs: a client of dask, or an executor."""
 
     def __init__(self, on: Any) -> None:
         """Take it; raises InputError if it is neither."""
@@ -520,7 +520,7 @@ class Dispatch:
             self._pool.close()
 
     def _may_give(self) -> bool:
-        """Return whether another batch may be given now."""
+        """Return whether another batch may be submitted now."""
         if len(self._under_way) >= self._pool.width():
             return False
         if self._pool.topic or not (self._again or self._under_way):
@@ -617,7 +617,7 @@ class Dispatch:
         return dc.replace(done, attempts=attempts, died=died)
 
     def _try_again(self, batch: _Batch, why: str) -> None:
-        """Have runs tried once more, each alone, or fail."""
+        """Try runs once more, each alone, or let them fail."""
         if batch.attempts > 1:
             self._fail(batch, f"{why} (tried twice)")
             return

@@ -47,7 +47,7 @@ class Pole(NamedTuple):
 
 
 class Margins(NamedTuple):
-    """How far the loop of a joint is from instability, broken at its effort."""
+    """Stability margins of the loop of a joint, broken at its effort."""
 
     # Factors on the loop's gain that it bears, upwards and downwards; inf and 0 if any.
     gain: float

@@ -124,7 +124,7 @@ def _placed(robot: Robot, at: str | Mapping[str, float] | None) -> Robot:
 
 
 class _Input(NamedTuple):
-    """Where a controller is told positions."""
+    """Input of a controller for joint positions."""
 
     controller: str
     joints: tuple[str, ...]
@@ -298,7 +298,7 @@ class _Loop:
         return self._values(context)[::2][:, at]
 
     def _apply(self, context: Context, input_: _Input, values: Sequence[float]) -> None:
-        """Have a controller be told positions at its next tick."""
+        """Send positions to a controller for its next tick."""
         if input_.make is not None:
             own, message = input_.make(values)
             port = self.simulation.diagram.GetInputPort(input_.topics.exported_as(own))
@@ -409,7 +409,7 @@ class _Loop:
 
 
 def _input_of(name: str, topics: ControllerTopics) -> _Input | None:
-    """Return where a controller is told positions, None if nowhere."""
+    """Return a controller's input for positions, None if it has none."""
     system = topics.system
     if isinstance(system, JointPositionController):
         joints = tuple(each.split("/")[-2] for each in system.state_interfaces)

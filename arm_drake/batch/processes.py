@@ -71,7 +71,7 @@ def dumps(what: Any, role: str) -> bytes:
 
 
 class Limits(NamedTuple):
-    """What a run may take; None is as much as it likes."""
+    """Limits of a run; None is no limit."""
 
     # Wall time, loading included [s].
     time: float | None = None
@@ -149,7 +149,7 @@ _PR_SET_PDEATHSIG = 1
 
 
 def serve(control_fd: int, program: int) -> None:
-    """Fork workers when asked to, until the program (its process id) is gone.
+    """Fork workers on request, until the program (its process id) is gone.
 
     On the control socket each request comes with two more of them: one for the worker,
     and one for its exit code (the negative number of a signal). A worker is killed when
@@ -414,7 +414,7 @@ STAYS, LEAVES = b"stays", b"leaves"
 
 
 class Setup(NamedTuple):
-    """What a worker has to know before it can read the function."""
+    """Environment that a worker needs before it can read the function."""
 
     environ: dict[str, str]
     path: list[str]
@@ -450,7 +450,7 @@ class Setup(NamedTuple):
 
 
 def work(connection: Connection) -> None:
-    """Run what comes, until nobody is there any more.
+    """Run received inputs until the connection is closed.
 
     The connection gives a Setup, the registered controller types, the function, then
     pairs of index and input, all pickled; it takes None or the error of the beginning,
@@ -608,7 +608,7 @@ class Pool:
 
     @property
     def num_workers(self) -> int:
-        """How many workers there are."""
+        """Number of workers."""
         return len(self._workers)
 
     def start(self, num_workers: int) -> None:

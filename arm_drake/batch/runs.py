@@ -58,7 +58,7 @@ class Stop(BaseException):
 
 
 def enter_thread(stop: threading.Event) -> None:
-    """Note that this thread executes runs, until the event tells it to stop."""
+    """Mark this thread as one that executes runs, until the event is set."""
     _STOP.set(stop)
 
 
@@ -73,7 +73,7 @@ def is_nested() -> bool:
 
 
 def check_stop() -> None:
-    """Raise Stop if this run was told to stop."""
+    """Raise Stop if a stop of this run was requested."""
     stop = _STOP.get()
     if stop is not None and stop.is_set():
         raise Stop
@@ -175,7 +175,7 @@ class Run:
 
 @dataclass(frozen=True)
 class GoalOutcome:
-    """How a goal of a run ended."""
+    """Final status and result of a goal of a run."""
 
     # Name of the controller.
     controller: str
@@ -199,7 +199,7 @@ class GoalOutcome:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What is kept of a run by default."""
+    """Record of a run that is kept by default."""
 
     # What each robot did, by its name.
     rollouts: Mapping[str, Rollout]
@@ -215,7 +215,7 @@ class Outcome:
 
     @property
     def rollout(self) -> Rollout:
-        """What the first robot did."""
+        """Rollout of the first robot."""
         return next(iter(self.rollouts.values()))
 
     @classmethod
@@ -377,7 +377,7 @@ class Done:
 
 @dataclass(frozen=True, eq=False)
 class RunResult(Generic[Value]):
-    """What became of one run."""
+    """Result of one run."""
 
     # Its place in the list of runs.
     index: int
@@ -403,7 +403,7 @@ class RunResult(Generic[Value]):
 
     @property
     def value(self) -> Value:
-        """What was kept of the run.
+        """Value kept of the run.
 
         Raises:
             Exception: The run's error, if it failed.
@@ -415,7 +415,7 @@ class RunResult(Generic[Value]):
 
 @dataclass(frozen=True, eq=False)
 class RunResults(Sequence[RunResult[Value]]):
-    """The results of all runs, in the order in which they were given."""
+    """Results of all runs, in the order of the inputs."""
 
     results: tuple[RunResult[Value], ...]
 
@@ -443,7 +443,7 @@ class RunResults(Sequence[RunResult[Value]]):
         return self.results[index]
 
     def __len__(self) -> int:
-        """Return how many runs there were."""
+        """Return the number of runs."""
         return len(self.results)
 
     def __iter__(self) -> Iterator[RunResult[Value]]:
@@ -452,7 +452,7 @@ class RunResults(Sequence[RunResult[Value]]):
 
     @property
     def values(self) -> list[Value]:
-        """What was kept of each run.
+        """Values kept of the runs.
 
         Raises:
             Exception: The error of the first run that failed, if one did.
@@ -532,7 +532,7 @@ class RunStore:
             raise
 
     def _read(self) -> int:
-        """Read what is there; return where the last whole record ends."""
+        """Read the stored results; return where the last whole record ends."""
         with os.fdopen(os.dup(self._file), "rb") as file:
             first = file.read(len(_FIRST))
             if first and not _FIRST.startswith(first):
@@ -593,7 +593,7 @@ def fingerprint(item: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Return something that tells inputs apart by its repr."""
+    """Return an object whose repr identifies an input."""
     if isinstance(value, Robot):
         # What it was made of; its files' content is in the description.
         files = hashlib.sha256(value.description.source.encode()).hexdigest()

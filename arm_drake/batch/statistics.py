@@ -1,4 +1,4 @@
-"""Intervals of what many runs tell: of a rate, and of a mean."""
+"""Confidence intervals of a rate, and of a mean."""
 
 import bisect
 import math

@@ -95,7 +95,7 @@ _MOST_RUNS = 10_000_000
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """What `load_study` returns: its runs are for `run_many`."""
+    """Study returned by `load_study`: its runs are for `run_many`."""
 
     robot: Robot
     motion: Any = None
@@ -125,7 +125,7 @@ class Study:
 
     @property
     def num_runs(self) -> int:
-        """How many runs there are."""
+        """Number of runs."""
         sizes = [len(_points(*how)) for how in self.vary.values() if how[0] in GRIDS]
         return math.prod(sizes) * self.draws
 
@@ -475,7 +475,7 @@ class Measures:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What is measured."""
+        """Names of the measures."""
         return tuple(name for name, _ in self._measures)
 
     def __call__(self, simulation: Simulation) -> dict[str, float]:

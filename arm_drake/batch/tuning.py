@@ -82,7 +82,7 @@ _WORST = 50.0
 
 
 class Response(NamedTuple):
-    """How joints follow a step; of several moves the worst of each figure."""
+    """Step response of joints; of several moves the worst of each figure."""
 
     # Largest error at the end [rad, m, or their rates].
     end_error: float
@@ -121,7 +121,7 @@ _Task = tuple[Mapping[str, Gains], Move]
 
 
 class Trace(NamedTuple):
-    """What joints do in a move."""
+    """Motion of joints in a move."""
 
     # Shapes (k,), (k, n) and (n,); what is measured starts at 0.
     time: Array
@@ -145,7 +145,7 @@ class Trace(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """What `tune_gains` has found."""
+    """Result of `tune_gains`."""
 
     # The robot with the new gains.
     robot: Robot
@@ -171,7 +171,7 @@ class Tuning:
 
     @property
     def keeps_promise(self) -> bool:
-        """Whether what was asked for holds in the moves that were not tuned for."""
+        """Whether the requested figures hold in the moves that were not tuned for."""
         after = self.after
         return after.settling_time <= self.settle and after.overshoot <= self.overshoot
 
@@ -389,7 +389,7 @@ def _payload_ranges(
 
 
 class _Plant(NamedTuple):
-    """What a joint moves, over its workspace."""
+    """Inertia and load that a joint moves, over its workspace."""
 
     # Largest inertia with the other joints held, and least with them free [kg·m², kg].
     largest: float
@@ -420,7 +420,7 @@ class _Rig(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """How long a move is looked at [s]."""
+        """Observation time of a move [s]."""
         return max(1.0, 4.0 * self.settle)
 
     def follow(self, task: _Task) -> Trace:
@@ -633,7 +633,7 @@ class _Search:
 
     @property
     def num_rollouts(self) -> int:
-        """How many `run` takes."""
+        """Number of rollouts of `run`."""
         shapes, singles = self._changes(self._first[0], _ROUNDS[0])
         # In each round one has all changes of bandwidths that were better.
         polish = len(_ROUNDS) * (len(shapes) + len(singles) + 1)

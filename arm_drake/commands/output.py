@@ -49,7 +49,7 @@ _SHORTEST = 0.005
 
 
 class Speaker:
-    """Says how it goes: lines on standard output, progress on standard error."""
+    """Prints reports: lines on standard output, progress on standard error."""
 
     def __init__(self, *, is_quiet: bool) -> None:
         """Create it; if quiet, nothing else than JSON is on standard output."""
@@ -66,7 +66,7 @@ class Speaker:
         self.failures: list[str] = []
 
     def line(self, text: str) -> None:
-        """Say something, if it isn't empty."""
+        """Print a line, if it isn't empty."""
         if text and not self._is_quiet:
             if self._is_terminal:
                 sys.stderr.write("\r\033[K")
@@ -80,14 +80,14 @@ class Speaker:
         self._controllers = text
 
     def page(self, text: str) -> None:
-        """Say something about the page: also beside JSON, on standard error."""
+        """Print a line about the page: also beside JSON, on standard error."""
         if self._is_quiet:
             print(text, file=sys.stderr, flush=True)
         else:
             self.line(text)
 
     def watch(self, simulation: Simulation) -> None:
-        """Tell events of a simulation, and how well its goals are followed."""
+        """Report events of a simulation, and how well its goals are followed."""
         self._simulation = simulation
         simulation.on_event(self.event)
 
@@ -122,7 +122,7 @@ class Speaker:
         print(start, text, sep="", end=end, file=sys.stderr, flush=True)
 
     def _describe_error(self, controller: str, since: float) -> str:
-        """Return a controller's largest error since a time [s], if there is any."""
+        """Return a controller's largest error since a time [s], "" if none."""
         assert self._simulation is not None
         mailbox = self._simulation.mailbox
         manager, *_ = self._simulation.directory.find(controller)
@@ -141,7 +141,7 @@ class Speaker:
         return " and ".join(text for text in texts if not text.startswith("0.0 "))
 
     def event(self, event: SimulationEvent) -> None:
-        """Tell events of goals and switches; what fails is told at the end."""
+        """Report events of goals and switches; failures are reported at the end."""
         if isinstance(event, SwitchControllerResult) and event.ok:
             self._switched(event)
         elif isinstance(event, CommandLimited):
@@ -239,7 +239,7 @@ def print_summary(
     wall_time: float,
     say: Speaker,
 ) -> None:
-    """Say how a simulation ended."""
+    """Print how a simulation ended."""
     factor = simulation.time / wall_time if wall_time else 0.0
     say.line(
         f"simulated {simulation.time:.2f} s in {wall_time:.2f} s "
@@ -309,7 +309,7 @@ def write_outputs(
     say: Speaker,
     *robots: Robot,
 ) -> None:
-    """Write what the command line asks for; pictures are of all the robots."""
+    """Write the requested outputs; pictures are of all the robots."""
     if options.log is not None:
         # Others are written already.
         if not can_stream(options.log):
@@ -358,7 +358,7 @@ def camera_images(options: argparse.Namespace) -> list[tuple[str, Path]]:
 def write_images(
     simulation: Simulation, options: argparse.Namespace, say: Speaker
 ) -> None:
-    """Write what cameras see, as the command line asks for."""
+    """Write the requested camera images."""
     for name, path in camera_images(options):
         # Not at the top: a simulation without cameras needs none of it.
         from arm_drake.perception.images import save_image
@@ -419,7 +419,7 @@ def plot_of(path: Path, robot: str) -> Path:
 
 
 def warn_of_pictures(options: argparse.Namespace) -> None:
-    """Say what is shown on pages only."""
+    """Warn of views that are shown on pages only."""
     if "names" in options.show:
         text = "names of frames are on the page only, not in pictures and recordings"
         print(f"warning: {text}", file=sys.stderr)

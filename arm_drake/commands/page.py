@@ -18,7 +18,7 @@ from arm_drake.visualization.page import Page, Scene
 
 
 def start_page(options: argparse.Namespace) -> Page:
-    """Start a page where the command line says, and tell what is to be known of it."""
+    """Start a page at the requested address, and print warnings about it."""
     page = Page(host=options.host or "localhost", port=options.port)
     if page.has_moved:
         text = f"port {options.port} is taken; the page is on port {page.port}"
@@ -53,7 +53,7 @@ def is_watched() -> bool:
 
 
 def open_browser(options: argparse.Namespace, page: Page) -> None:
-    """Open a page in a browser, if that is asked for, or a person sits before it."""
+    """Open a page in a browser, if requested or if a person sits before it."""
     opens = options.open
     if opens is None:
         opens = is_watched() and not is_without_screen()

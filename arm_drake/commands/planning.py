@@ -145,7 +145,7 @@ def _play(options: argparse.Namespace, start: Mapping[str, float]) -> str:
 
 
 def _check_files(options: argparse.Namespace) -> None:
-    """Raise OutputError if what is asked for can't be written."""
+    """Raise OutputError if a requested output can't be written."""
     if options.output is not None:
         check_suffix(options.output, "a motion", (".yaml", ".yml"))
     if options.plot is not None:

@@ -228,7 +228,7 @@ def _check_words(options: argparse.Namespace) -> None:
 
 
 class _Pictured(NamedTuple):
-    """Where displays draw without a page."""
+    """Scene, simulation and views of displays that draw without a page."""
 
     page: "MeshcatScene"
     simulation: Simulation
@@ -332,7 +332,7 @@ def _check_nothing_shown(options: argparse.Namespace) -> None:
 
 
 def _show(options: argparse.Namespace, views: "LiveViews") -> None:
-    """Show what the command line asks for."""
+    """Show the requested views."""
     from arm_drake.commands.page import place_camera
 
     views.set_fixed_frame(options.fixed_frame or WORLD)
@@ -346,7 +346,7 @@ def _show(options: argparse.Namespace, views: "LiveViews") -> None:
 
 
 def _show_live(options: argparse.Namespace, live: "LiveSimulation") -> None:
-    """Show what the command line asks for beside the robots, on a page."""
+    """Show the requested parts beside the robots, on a page."""
     from arm_drake.visualization.page.displays import Displays
     from arm_drake.visualization.page.keyboard import Keyboard
     from arm_drake.visualization.page.live_plots import LivePlots
@@ -462,7 +462,7 @@ def _let_in(
 
 
 def _build(scene: Scene, meshcat: Meshcat | None) -> Diagram:
-    """Return the diagram of a scene; it is drawn when it is told to."""
+    """Return the diagram of a scene; it is drawn on request only."""
     drawn = dc.replace(scene.options, frame_rate=0.0)
     return build_diagram(scene, options=drawn, meshcat=meshcat)
 

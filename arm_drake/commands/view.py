@@ -184,7 +184,7 @@ def read_positions(
 
 
 def _find_positions(options: argparse.Namespace, robot: Robot) -> dict[str, float]:
-    """Return the positions that the command line asks for."""
+    """Return the positions set on the command line."""
     positions: dict[str, float] = {}
     if options.named_pose is not None:
         state = find_pose(find_group_states(robot), options.named_pose)
@@ -193,7 +193,7 @@ def _find_positions(options: argparse.Namespace, robot: Robot) -> dict[str, floa
 
 
 def _say(options: argparse.Namespace, viewer: RobotViewer, scene: Scene3D) -> None:
-    """Say where to look."""
+    """Print the address of the page or the file of the picture."""
     robot = viewer.robot
     if options.json:
         place = {"screenshot": str(options.screenshot)}

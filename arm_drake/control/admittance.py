@@ -18,7 +18,7 @@ from arm_drake.messages import Message
 
 
 class ChainKinematics(Protocol):
-    """Where the links of a robot are when n of its joints move, seen from a base."""
+    """Kinematics of the links of a robot when n joints move, seen from a base."""
 
     def pose(self, q: Array, link: str) -> Array:
         """Return the pose of a link in the base, shape (4, 4).
@@ -37,7 +37,7 @@ class ChainKinematics(Protocol):
 
 
 class AdmittanceFrames(NamedTuple):
-    """How frames stand in the base at the measured positions."""
+    """Orientations and offsets of frames in the base, at the measured positions."""
 
     # Rotations, each of shape (3, 3).
     R_BS: Array
@@ -54,7 +54,7 @@ class AdmittanceFrames(NamedTuple):
 
 
 class AdmittanceState(NamedTuple):
-    """What is remembered from tick to tick."""
+    """State that is kept from tick to tick."""
 
     # Wrench that acts, filtered, in W and in B [N], [N·m], shape (6,).
     wrench_W: Array
@@ -77,7 +77,7 @@ class AdmittanceState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class AdmittanceRule(Message):
-    """How an arm gives way; arrays are of six values, but for the last one."""
+    """Admittance of an arm; arrays are of six values, but for the last one."""
 
     # Axes of C along and about which the wrench counts.
     selected_axes: Sequence[bool]

@@ -22,7 +22,7 @@ from arm_drake.messages import Message
 
 @dataclass(frozen=True, eq=False)
 class DriveMode(Message):
-    """Which commands the n joints follow."""
+    """Command modes of n joints."""
 
     # Exactly one of these holds for a joint that is commanded. Shape (n,).
     is_position: Mask
@@ -113,7 +113,7 @@ NUM_PARTS_OF_POSITIONS: Final = 2
 
 
 class DriveCommands:
-    """Turns values of command interfaces into what a drive of n joints is told."""
+    """Converts values of command interfaces to commands of a drive of n joints."""
 
     def __init__(
         self,
@@ -160,7 +160,7 @@ class DriveCommands:
         return np.concatenate([q, nothing, self._zeros, self._no_limits, nothing])
 
     def servo_input(self, drive: Array) -> Array:
-        """Return what of a drive vector the servo is told, shape (7 n,) or (2 n,).
+        """Return the servo's part of a drive vector, shape (7 n,) or (2 n,).
 
         With limits 2 n more. The last part, the rate of change of the positions, is for
         the next cycle.
@@ -286,7 +286,7 @@ class DriveCommands:
         lasts: Sequence[float],
         befores: Sequence[float],
     ) -> tuple[list[float], list[float]]:
-        """Return what the servo is told of joints that go on, and the last part.
+        """Return the servo input of joints that go on, and the last part.
 
         That is the drive vector where nothing is limited. `numbers` are the values,
         `lasts` the positions and `befores` the rates of the last cycle's vector.

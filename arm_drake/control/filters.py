@@ -27,7 +27,7 @@ from arm_drake.importing import dataclass
 
 
 class Limited(NamedTuple):
-    """A limited value, and by what factor it differs from what was asked for."""
+    """Limited value, and its ratio to the requested one."""
 
     value: float
 
@@ -62,7 +62,7 @@ class RateLimiter:
     max_second_derivative: float = math.nan
 
     def __post_init__(self) -> None:
-        """Make limits that aren't given."""
+        """Fill in the limits that are NaN."""
         self._complete("min_value", "max_value")
         self._complete("min_first_derivative_neg", "max_first_derivative_pos")
         if not math.isnan(self.max_first_derivative_pos):
@@ -142,7 +142,7 @@ def _compare(limited: float, v: float) -> Limited:
 
 
 class FilterState(NamedTuple):
-    """What a filter of n channels remembers; arrays of shape (n,), never changed."""
+    """State of a filter of n channels; arrays of shape (n,), never changed."""
 
     # The last sample.
     sample: Array
@@ -243,7 +243,7 @@ class ExponentialFilter(SmoothingFilter):
 
 
 class LimiterState(NamedTuple):
-    """What a rate limiter of n channels remembers; arrays of shape (n,)."""
+    """State of a rate limiter of n channels; arrays of shape (n,)."""
 
     # The last output but one.
     before: Array
@@ -317,7 +317,7 @@ class WindowState(NamedTuple):
 
 @dataclass(frozen=True)
 class WindowFilter(ABC):
-    """Says something of the last samples, of fewer as long as there are no more."""
+    """Statistic of the last samples, of fewer as long as there are no more."""
 
     # Of how many samples; at least one.
     number_of_observations: int
@@ -361,7 +361,7 @@ class MedianFilter(WindowFilter):
 
 
 class TransferState(NamedTuple):
-    """What a digital filter of n channels remembers, the latest first."""
+    """State of a digital filter of n channels, the latest first."""
 
     # Each of shape (n,), never changed.
     inputs: tuple[Array, ...]
@@ -429,7 +429,7 @@ FILTERS: Mapping[str, type] = {
 
 
 class Filter(Protocol):
-    """What all filters have."""
+    """Interface of all filters."""
 
     def initial(self, n: int) -> Any:
         """Return the state of n channels before the first sample."""
@@ -439,7 +439,7 @@ class Filter(Protocol):
 
 
 class ChainState(NamedTuple):
-    """What the filters of a chain remember, and what came out of the last one."""
+    """States of the filters of a chain, and the output of the last one."""
 
     states: tuple[Any, ...]
 

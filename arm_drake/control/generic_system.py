@@ -33,7 +33,7 @@ MODES: Final = (POSITION, VELOCITY, ACCELERATION)
 
 
 class Parameters(NamedTuple):
-    """Parameters of the `<hardware>`, named as there, and whose rules hold."""
+    """Parameters of `<hardware>`, with its names, and whether humble's rules apply."""
 
     calculate_dynamics: bool
     disable_commands: bool
@@ -61,7 +61,7 @@ class Parameters(NamedTuple):
 
     @property
     def position_offset(self) -> float:
-        """What is added to the positions themselves."""
+        """Offset of the positions themselves."""
         custom = self.custom_interface_with_following_offset
         return 0.0 if custom else self.position_state_following_offset
 
@@ -71,7 +71,7 @@ class Parameters(NamedTuple):
         return MODES if self.calculate_dynamics else (POSITION,)
 
     def warnings(self, block: HardwareInfo) -> Iterator[str]:
-        """Yield what a user should be told about the parameters."""
+        """Yield warnings about the parameters."""
         if self.disable_commands:
             yield "disable_commands is true: the states never change"
         custom = self.custom_interface_with_following_offset
@@ -85,7 +85,7 @@ class Parameters(NamedTuple):
 
 
 def _bool(block: HardwareInfo, *names: str) -> bool:
-    """Return the parameter of the first of these names that is given, or False."""
+    """Return the first of these parameters that is set, or False."""
     for name in names:
         text = block.parameters.get(name)
         if text is not None:
@@ -116,7 +116,7 @@ _ABSENT: Final = -1
 
 
 class JointLayout(NamedTuple):
-    """Where position, velocity and acceleration of a joint stand; -1 is nowhere."""
+    """Indices of a joint's position, velocity and acceleration; -1 is none."""
 
     name: str
     states: tuple[int, ...]
@@ -124,7 +124,7 @@ class JointLayout(NamedTuple):
 
 
 class MirrorLayout(NamedTuple):
-    """Which commands become states; of several for one state the last holds."""
+    """Commands mirrored as states; of several for one state the last holds."""
 
     # Places of commands and states, and what is added to each.
     sources: Indices
@@ -178,7 +178,7 @@ class MirrorLayout(NamedTuple):
 
 
 class MimicLayout(NamedTuple):
-    """Which states follow others: target = factor * source + offset."""
+    """States that follow others: target = factor * source + offset."""
 
     sources: Indices
     targets: Indices
@@ -310,7 +310,7 @@ class InfiniteCommandError(ArmDrakeError, ValueError):
 
 @dc.dataclass(frozen=True, eq=False, slots=True)
 class GenericSystemState(Message):
-    """What the hardware reports, and what it needs for the next read."""
+    """States that the hardware reports, and those that the next read needs."""
 
     # Values of the state interfaces, NaN where nothing is known; read-only.
     states: Array

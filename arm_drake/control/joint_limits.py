@@ -209,7 +209,7 @@ NO_COMMAND: Final = JointControlInterfacesData()
 
 
 class LimitedCommand(NamedTuple):
-    """What a joint is commanded after its limits."""
+    """Command of a joint after its limits."""
 
     command: JointControlInterfacesData
 
@@ -334,7 +334,7 @@ Previous = Mapping[str, JointControlInterfacesData]
 
 
 class LimitedCommands(NamedTuple):
-    """What limiting the commands of a cycle leads to."""
+    """Result of limiting the commands of a cycle."""
 
     previous: Previous
 

@@ -21,7 +21,7 @@ from arm_drake.importing import dataclass
 
 
 class PlanarPose(NamedTuple):
-    """Where a base stands in the frame of its odometry."""
+    """Pose of a base in the frame of its odometry."""
 
     # [m].
     x: float = 0.0
@@ -110,7 +110,7 @@ _TINY = 1e-6
 
 
 class WheelOdometryState(NamedTuple):
-    """Where a base stands and how it moves."""
+    """Pose and velocity of a base, from its wheels."""
 
     mean: RollingMean
     pose: PlanarPose = PlanarPose()
@@ -124,7 +124,7 @@ class WheelOdometryState(NamedTuple):
 
 
 class DiffDriveMotion(NamedTuple):
-    """How a base moves, as a tick leaves it."""
+    """Motion of a base after a tick."""
 
     # The last two velocities that the limits let through, the newest first, forwards
     # [m/s] and of turning [rad/s].
@@ -133,7 +133,7 @@ class DiffDriveMotion(NamedTuple):
 
     @staticmethod
     def size(num_samples: int) -> int:
-        """Return how many `numbers` there are with so many samples of the mean."""
+        """Return the length of `numbers` with so many samples of the mean."""
         return 14 + 2 * num_samples
 
     def numbers(self, size: int) -> list[float]:
@@ -202,7 +202,7 @@ class DiffDriveKinematics:
 def from_commands(
     state: WheelOdometryState, v: float, w: float, dt: float
 ) -> WheelOdometryState:
-    """Return the odometry after a base has moved as it was told to."""
+    """Return the odometry after a base has moved as commanded."""
     pose = state.pose
     if abs(dt) >= _TINY:
         pose = _integrate(pose, v, w, dt)
@@ -302,7 +302,7 @@ class SteeringGeometry(NamedTuple):
 
 
 class WheelCommands(NamedTuple):
-    """What the wheels are told: velocities [rad/s] and angles [rad]."""
+    """Commands of the wheels: velocities [rad/s] and angles [rad]."""
 
     traction: tuple[float, ...]
     steering: tuple[float, ...]
@@ -331,7 +331,7 @@ def to_wheel_commands(
     measured: float | None,
     slows_down: bool = False,
 ) -> WheelCommands:
-    """Return what the wheels are told, turned as `measured` or else as commanded."""
+    """Return the wheels' commands, turned as `measured` or else as commanded."""
     wheelbase, radius, num_driven, num_steered, width, steering_width = geometry
     phi = to_steering_angle(v, w, wheelbase)
     rate = v / radius
@@ -383,7 +383,7 @@ def to_base_velocity(
 
 
 class SteeringOdometry(NamedTuple):
-    """Where a base takes itself to be, and how fast; each method returns a new one."""
+    """Estimated pose and velocity of a base; each method returns a new one."""
 
     means: RollingMean
     pose: PlanarPose = PlanarPose()
@@ -400,7 +400,7 @@ class SteeringOdometry(NamedTuple):
         return self._replace(pose=pose, means=self.means.clear())
 
     def follow(self, v: float, w: float, dt: float) -> Self:
-        """Take one step with the velocity that is asked for, taken as it is."""
+        """Take one step with the commanded velocity, taken as it is."""
         pose = integrate_midpoint(self.pose, v, w, dt)
         return self._replace(pose=pose, velocity=BaseVelocity(v, w))
 

@@ -78,7 +78,7 @@ EPSILON: Final = float(np.finfo(float).eps)
 
 
 class PidState(NamedTuple):
-    """What n PIDs remember; arrays of shape (n,) that nobody changes."""
+    """State of n PIDs; arrays of shape (n,), never changed."""
 
     # Integral term, gain included; of humble the integral of the error, gain excluded.
     i_term: Array
@@ -289,7 +289,7 @@ class Pid(Message):
     def _unwind(
         self, gained: Array, error: Array, command: Array, excess: Array, dt: float
     ) -> Array:
-        """Return what integral terms gain, given how far commands are limited."""
+        """Return the increments of integral terms after anti-windup."""
         if self._conditional is not None:
             winds_up = (np.abs(excess) > EPSILON) & (error * command > 0.0)
             gained = np.where(self._conditional & winds_up, 0.0, gained)

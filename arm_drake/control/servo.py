@@ -108,7 +108,7 @@ class DynamicsSamples:
 
     @property
     def max_gravity(self) -> Array:
-        """Largest effort that gravity asks for [N·m], shape (n,)."""
+        """Largest effort of gravity [N·m], shape (n,)."""
         return np.abs(self.gravity).max(axis=0)
 
     def with_rotors(self, inertia: Array) -> "DynamicsSamples":
@@ -119,7 +119,7 @@ class DynamicsSamples:
 
 @dataclass(frozen=True)
 class DriveLimits:
-    """What the description allows n joints, infinite where it says nothing."""
+    """Limits of n joints in the description, infinite without an entry."""
 
     # Efforts [N·m] and velocities [rad/s], shape (n,).
     effort: Array
@@ -322,7 +322,7 @@ def _find_ahead(command_period: float, time_step: float, is_exact: bool) -> floa
 def _follow_rate(
     h: float, z: float, lead: Array, largest: Array, position_rate: Array | None
 ) -> tuple[Array, Array, Array, Array]:
-    """Return kp, kd, velocity leads and greatest accelerations, by the rates given."""
+    """Return kp, kd, velocity leads and greatest accelerations, by position rate."""
     n = len(lead)
     kp, kd = np.full(n, (1.0 - z) ** 2 / h**2), np.full(n, (1.0 - z**2) / h)
     if position_rate is not None:

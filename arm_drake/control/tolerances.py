@@ -31,7 +31,7 @@ _FIELDS = ("position", "velocity", "acceleration")
 
 @dataclass(frozen=True, eq=False)
 class StateTolerances(Message):
-    """How far each joint's state may be off; arrays become read-only copies."""
+    """Tolerances of each joint's state; arrays become read-only copies."""
 
     # Each of shape (n,).
     position: Array
@@ -93,7 +93,7 @@ class Tolerances(Message):
 
 
 class Resolution(NamedTuple):
-    """Tolerances of an action goal, and what was wrong with those it asked for."""
+    """Tolerances of an action goal, and the problem of the requested ones."""
 
     tolerances: Tolerances
 
@@ -102,7 +102,7 @@ class Resolution(NamedTuple):
 
 
 class _InvalidToleranceError(ValueError):
-    """A tolerance that a goal asks for can't be used."""
+    """A requested tolerance of a goal is invalid."""
 
 
 def make_default_tolerances(

@@ -52,7 +52,7 @@ _SIZES: Final = ((2, 1), (4, 6))
 
 
 class StateBefore(NamedTuple):
-    """Where a trajectory starts from; None is unknown, not all of it may be."""
+    """Start state of a trajectory; None is unknown, not all of it may be."""
 
     time_ns: int
 
@@ -89,7 +89,7 @@ class Knots(NamedTuple):
 
     @classmethod
     def of(cls, before: StateBefore, message: JointTrajectory) -> Self:
-        """Return the knots that are given.
+        """Return the knots of a start state and a message.
 
         A start state without velocities or accelerations has zeros if the first point
         has some.
@@ -598,7 +598,7 @@ def _points_before(
     handoff_ns: int,
     seen: int,
 ) -> list[JointTrajectoryPoint]:
-    """Return the points of an old trajectory up to the handoff, by what is there."""
+    """Return the points of an old trajectory up to the handoff."""
     handoff = -1 if bridge is None else bridge.segment_end
     # Points whose segment was sampled have got what they lacked.
     return [
@@ -688,7 +688,7 @@ def scaled(duration_ns: int, factor: float) -> int:
 
 
 def positions_or(present: Array | None, measured: Array) -> Array:
-    """Return commanded positions, and measured ones where there are none, (n,)."""
+    """Return commanded positions, and measured ones instead of NaN, (n,)."""
     if present is None:
         return measured
     pairs = zip(present.tolist(), measured.tolist(), strict=True)

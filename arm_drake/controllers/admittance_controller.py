@@ -68,7 +68,7 @@ Interface = Literal["position", "velocity", "acceleration"]
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Which chain of the robot it moves, by which solver."""
+    """Chain of the robot that it moves, and its solver."""
 
     # Plugin that upstream solves with, and its package.
     plugin_name: str
@@ -98,7 +98,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class InFrame:
-    """Something that is given in a frame."""
+    """Parameters that consist of a frame."""
 
     frame: Frame
 
@@ -135,7 +135,7 @@ class CoG:
 
 @dataclass(frozen=True)
 class GravityCompensation:
-    """What the sensor carries."""
+    """Load of the sensor."""
 
     frame: Frame
     CoG: CoG
@@ -143,7 +143,7 @@ class GravityCompensation:
 
 @dataclass(frozen=True)
 class Admittance:
-    """How it gives way along and about x, y and z: six values each."""
+    """Admittance along and about x, y and z: six values each."""
 
     # Whether it gives way.
     selected_axes: tuple[bool, ...]
@@ -243,7 +243,7 @@ _LINKS = (
 
 
 class AdmittanceSetup(NamedTuple):
-    """What an AdmittanceController's parameters set."""
+    """Parameters of an AdmittanceController, and the rule made of them."""
 
     parameters: AdmittanceControllerParameters
     rule: AdmittanceRule
@@ -329,7 +329,7 @@ def _to_array(message: WrenchStamped) -> Array:
 
 
 class AdmittanceTick(NamedTuple):
-    """What there is to tell of a tick."""
+    """Data of a tick that are published."""
 
     time_ns: int
     setup: AdmittanceSetup

@@ -20,7 +20,7 @@ from arm_drake.messages.sensors import BatteryState, BatteryStateArray, to_code
 
 
 def are_known(limits: tuple[float, float]) -> bool:
-    """Return whether voltages of an empty and a full battery tell how full it is."""
+    """Return whether voltages of an empty and a full battery are finite."""
     return all(map(math.isfinite, limits))
 
 
@@ -81,7 +81,7 @@ _UNKNOWN = BatteryState(
 
 @dataclass(frozen=True)
 class BatteryInterfaces:
-    """Which quantities of a battery are read, besides its voltage."""
+    """Quantities of a battery that are read besides its voltage."""
 
     battery_temperature: bool = False
     battery_current: bool = False
@@ -101,7 +101,7 @@ class InterfacesByBattery:
 
 @dataclass(frozen=True)
 class Battery:
-    """What is known of a battery; NaN and "" are unknown."""
+    """Known data of a battery; NaN and "" are unknown."""
 
     # Voltages of an empty and of a full battery [V].
     minimum_voltage: float = math.nan
@@ -166,7 +166,7 @@ class BatteryStateBroadcasterParameters:
 
 
 class BatteryStateBroadcasterState(NamedTuple):
-    """What a BatteryStateBroadcaster published last."""
+    """Messages that a BatteryStateBroadcaster published last."""
 
     battery_state: BatteryState = BatteryState()
     raw_battery_states: BatteryStateArray = BatteryStateArray()

@@ -52,7 +52,7 @@ Look = Callable[[Context], Callable[[Cycle], Any]]
 
 @dataclass(frozen=True, kw_only=True)
 class RobotInfo:
-    """What controllers may know of a robot besides its interfaces."""
+    """Data of a robot for its controllers, besides the interfaces."""
 
     # State interfaces that hold anything but a double, such as a bool.
     other_types: frozenset[str] = frozenset()
@@ -87,7 +87,7 @@ class RobotInfo:
 
 @dataclass(frozen=True)
 class ControllerInterfaceParams(RobotInfo):
-    """What a controller is given besides its parameters."""
+    """Configuration of a controller besides its parameters."""
 
     controller_name: str
 

@@ -23,7 +23,7 @@ def with_field(record: R, index: int, value: object) -> R:
 
 
 class Cycle(NamedTuple):
-    """What the manager tells its controllers in a cycle."""
+    """Input of the manager's controllers in a cycle."""
 
     # Number of the cycle, its time, and the time since the last one [ns].
     number: int
@@ -55,7 +55,7 @@ class Cycle(NamedTuple):
 
 
 class UpdateResult(NamedTuple, Generic[S]):
-    """What a tick of a controller leaves behind."""
+    """Result of a tick of a controller."""
 
     # Number of the cycle; None before the first one.
     number: int | None
@@ -87,7 +87,7 @@ STATE: Final = UpdateResult._fields.index("state")
 
 
 class SteadyTicks(Protocol[S_co]):
-    """What a controller does from a state on while nothing comes, number by number.
+    """Ticks of a controller from a state on without new input, number by number.
 
     All methods are functions of their arguments and of that state alone, so the state
     after any such tick follows from what was measured in it, and from the numbers that
@@ -105,7 +105,7 @@ class SteadyTicks(Protocol[S_co]):
     def report(
         self, time_ns: int, last_ns: int, motions: Array
     ) -> "tuple[S_co, SteadyTicks[S_co]] | None":
-        """Return the state to go on from, told what is due, and its steady ticks.
+        """Return the state to go on from, with due reports, and its steady ticks.
 
         It differs from the one before in what has been told alone. None for a tick in
         full. `motions` is what was measured in the last tick, at `last_ns`.
@@ -139,13 +139,13 @@ NEVER_NS = 2**63
 
 
 class SilentTicks:
-    """Steady ticks of which nothing is told; some number of them, or for ever."""
+    """Steady ticks that report nothing; some number of them, or for ever."""
 
     monitor_ns = until_ns = NEVER_NS
     is_judging = False
 
     def report(self, time_ns: int, last_ns: int, motions: Array) -> None:
-        """Return None, for there is nothing to tell."""
+        """Return None, for nothing is reported."""
         return None
 
     def commands_ahead(self, times_ns: Sequence[int]) -> Array | None:
@@ -190,7 +190,7 @@ class SteadyCommand(SilentTicks, Generic[S]):
 
 
 class HardwareValues(NamedTuple):
-    """What a manager has read for all of its controllers."""
+    """Values that a manager has read for all of its controllers."""
 
     # Positions and velocities of all J joints, shape (2 J,), or all that is measured,
     # these first, if one of those that tick reads more.
@@ -245,7 +245,7 @@ class MessageBatch:
     __slots__ = ("_growing", "_size")
 
     def __init__(self, growing: list[Message]) -> None:
-        """Create it for all that are there now."""
+        """Create it for all present messages."""
         self._growing, self._size = growing, len(growing)
 
     @property

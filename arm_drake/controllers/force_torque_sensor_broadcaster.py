@@ -78,7 +78,7 @@ class InterfaceNames:
 
 @dataclass(frozen=True)
 class AxisOffsets:
-    """What is added along x, y and z."""
+    """Offsets along x, y and z."""
 
     x: float = 0.0
     y: float = 0.0
@@ -87,7 +87,7 @@ class AxisOffsets:
 
 @dataclass(frozen=True)
 class Offset:
-    """What is added to a measured wrench [N], [N·m]."""
+    """Offset added to a measured wrench [N], [N·m]."""
 
     force: AxisOffsets = AxisOffsets()
     torque: AxisOffsets = AxisOffsets()
@@ -149,7 +149,7 @@ class ForceTorqueSensorBroadcasterParameters:
 
 
 class ForceTorqueSensorBroadcasterState(NamedTuple):
-    """What a ForceTorqueSensorBroadcaster published last, and its filters."""
+    """Messages that a ForceTorqueSensorBroadcaster published last, and its filters."""
 
     wrench: WrenchStamped
     wrench_filtered: WrenchStamped
@@ -309,7 +309,7 @@ def make_wrench(values: Array) -> Wrench:
 
 
 class ToolWeight(NamedTuple):
-    """What the gravity compensation of a tool is given."""
+    """Parameters of the gravity compensation of a tool."""
 
     # Frame in which gravity is given, and that in which the center of gravity is.
     world_frame: str

@@ -93,7 +93,7 @@ class GripperActionControllerParameters:
 
     @staticmethod
     def adapt(params: ParameterGroup) -> None:
-        """Say what numbers do that are none."""
+        """Report the effect of numbers that are NaN."""
         done = "the gripper counts as standing, however fast it is"
         params.warn_of_nan("stall_velocity_threshold", done)
         params.warn_of_nan("stall_timeout", "the gripper never stalls")
@@ -171,7 +171,7 @@ class ParallelGripperActionControllerParameters(GripperActionControllerParameter
 
 
 class Target(NamedTuple):
-    """Where the joint is to go, and with what."""
+    """Target position of the joint, with effort and velocity."""
 
     # [rad] or [m].
     position: float
@@ -184,7 +184,7 @@ class Target(NamedTuple):
 
 
 class Ending(NamedTuple):
-    """How a goal ended by itself."""
+    """Final state of a goal that ended by itself."""
 
     # [rad] or [m].
     position: float
@@ -222,7 +222,7 @@ class GripperState(NamedTuple):
 
 
 class GripperControllerBase(TopicController[GripperState]):
-    """Moves one joint to the position of a goal, and tells whether it got there.
+    """Moves one joint to the position of a goal, and reports the result.
 
     ==================  ====  =======  =================================================
     port                size  unit     meaning
@@ -334,7 +334,7 @@ class GripperControllerBase(TopicController[GripperState]):
     def _receive(
         self, now: UpdateContext, state: GripperState, obstacle: str = ""
     ) -> GripperState:
-        """Return the state that has dealt with messages and told results that are due.
+        """Return the state after messages were taken and due results were sent.
 
         It does so while it is inactive, too.
         """

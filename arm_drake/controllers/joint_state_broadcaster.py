@@ -208,7 +208,7 @@ def _make_dynamic(
 
 
 class _Layout:
-    """Where the fields of the messages stand among what is measured."""
+    """Indices of the messages' fields among the measured values."""
 
     def __init__(
         self,

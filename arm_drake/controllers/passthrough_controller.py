@@ -44,7 +44,7 @@ class PassthroughState(NamedTuple):
 
 
 class PassthroughController(TopicController[PassthroughState]):
-    """Passes on what other controllers or a topic ask for.
+    """Passes on commands of other controllers or of a topic.
 
     With k = len(interfaces), vectors in the order of ``interfaces``:
 

@@ -142,7 +142,7 @@ class PidControllerParameters:
 
 
 class PidControlState(NamedTuple):
-    """What a tick leaves behind; arrays that nobody changes. NaN is unknown."""
+    """Result of a tick; arrays are never changed. NaN is unknown."""
 
     pid: PidState
 
@@ -383,7 +383,7 @@ class PidControllerState(NamedTuple):
 
     @property
     def command(self) -> Array:
-        """What to write, shape (n,)."""
+        """Command, shape (n,)."""
         return self.control.command
 
 

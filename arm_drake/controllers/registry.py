@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class ControllerType(NamedTuple):
-    """How to parse and build one type of controller."""
+    """Parameter class and constructor of one type of controller."""
 
     parameters: type
 
@@ -176,7 +176,7 @@ def import_name(name: str) -> Any:
 
 
 class ControllerTypes(MutableMapping[str, ControllerType]):
-    """Controller types by name, each imported when it is first asked for."""
+    """Controller types by name, each imported when it is first used."""
 
     def __init__(self, rows: Mapping[str, str]) -> None:
         """Create the table of rows like those of `STANDARD_TYPES`, by name."""
@@ -209,7 +209,7 @@ class ControllerTypes(MutableMapping[str, ControllerType]):
         return iter(self._rows)
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of types."""
         return len(self._rows)
 
     def __contains__(self, name: object) -> bool:
@@ -309,7 +309,7 @@ _FILE = Path(__file__).with_name("other_types.yaml")
 
 
 class Equivalent(NamedTuple):
-    """Which type of the registry another package's type is."""
+    """Type of the registry that stands for another package's type."""
 
     runs_as: str
 
@@ -319,7 +319,7 @@ class Equivalent(NamedTuple):
 
 
 class Other(NamedTuple):
-    """What is known of a type that isn't simulated."""
+    """Description of a type that isn't simulated."""
 
     # What it does, that ours don't.
     does: str
@@ -379,7 +379,7 @@ def parameters_of(equivalent: Equivalent) -> type | None:
 
 
 def _own_words(name: str) -> str:
-    """Return what tells a type from others: not that it is a controller."""
+    """Return the distinctive part of a type's name, without "controller"."""
     name = re.sub(r"_?controll?ers?", "", name.lower())
     return re.sub(r"_?broadcasters?", "*", name)
 

@@ -228,7 +228,7 @@ _NORM_TOLERANCE = 10e-3
 
 @dataclass(frozen=True)
 class PoseTf:
-    """What goes to /tf."""
+    """Parameters of the transform on /tf."""
 
     enable: bool = True
 
@@ -253,7 +253,7 @@ class PoseBroadcasterParameters:
 
 
 class PoseBroadcasterState(NamedTuple):
-    """What a PoseBroadcaster published last."""
+    """Messages that a PoseBroadcaster published last."""
 
     pose: PoseStamped = PoseStamped()
     tf: TFMessage = TFMessage()
@@ -449,7 +449,7 @@ class StateInterfacesBroadcasterParameters:
 
 
 class NamedValues(NamedTuple):
-    """What a StateInterfacesBroadcaster publishes."""
+    """Messages of a StateInterfacesBroadcaster."""
 
     names: Keys
     values: Float64Values
@@ -501,7 +501,7 @@ _OLDER = {
 
 @dataclass(frozen=True)
 class EStopInterfaces:
-    """Full names of interfaces that tell emergency stops, by how they end."""
+    """Full names of interfaces of emergency stops, by how they end."""
 
     manual: tuple[str, ...] = ()
     remote: tuple[str, ...] = ()

@@ -63,7 +63,7 @@ Events: TypeAlias = tuple[tuple[int, Event], ...]
 def new_messages(
     port: InputPort, context: Context, expected: type[M], seen: tuple[M, ...]
 ) -> tuple[tuple[M, ...], tuple[M, ...]]:
-    """Return the messages that came since the last tick, and all that are there.
+    """Return the messages since the last tick, and all that are on the port.
 
     A message is new if it is another object than those of the last tick, `seen`, which
     is returned itself if it is still there. On the port is a message, a tuple of
@@ -119,7 +119,7 @@ def add_events(events: Events, new_events: Sequence[Event]) -> Events:
 
 
 class Inbox(NamedTuple):
-    """What came in on the topics of a controller."""
+    """Input received on the topics of a controller."""
 
     # Messages on each port at the last tick; empty before the first one.
     seen: tuple[tuple[Message, ...], ...] = ()
@@ -139,7 +139,7 @@ def latest_reason(inbox: Inbox) -> str:
 
 
 def add_event(state: T, event: Event) -> T:
-    """Return the state that tells of something, after what it has told."""
+    """Return the state with one more event."""
     events = add_events(state.inbox.events, [event])
     return state._replace(inbox=state.inbox._replace(events=events))
 

@@ -351,7 +351,7 @@ _SAME_DIRECTION = 0.999
 
 @dataclass(frozen=True, eq=False)
 class Axle:
-    """Where a wheel turns against the link that it is part of."""
+    """Axis of a wheel in the link that it is part of."""
 
     link: str
 

@@ -85,7 +85,7 @@ class TopicAlias:
 
     @property
     def place(self) -> str:
-        """Where it stands, for messages."""
+        """File and line of the entry, for messages."""
         return f"{self.file}:{self.line}"
 
     @property
@@ -269,7 +269,7 @@ class _Bridge:
 
 
 def _topic_names(texts: Mapping[str, str]) -> tuple[str, str]:
-    """Return the full names in ROS and in Gazebo; one that isn't given is the other."""
+    """Return the full names in ROS and in Gazebo; one that is missing is the other."""
     both, ros = texts.get("topic_name", ""), texts.get("ros_topic_name", "")
     gz = texts.get("gz_topic_name") or texts.get("ign_topic_name", "")
     if both and (ros or gz):

@@ -139,7 +139,7 @@ _KNOWN = tuple(field.name for field in dc.fields(_Schema))
 
 
 def is_managers(key: str) -> bool:
-    """Return whether a parameter is the manager's, wherever it is given."""
+    """Return whether a parameter is the manager's, wherever it is set."""
     return key.partition(".")[0] in (*_KNOWN, *_NEEDLESS, *_NOT_SIMULATED)
 
 
@@ -240,7 +240,7 @@ _OF_ALL_NODES = ("use_sim_time", "qos_overrides")
 
 
 class Nodes:
-    """Which sections reach which node."""
+    """Parameter sections by the node that they reach."""
 
     def __init__(self, sections: Sequence[Section], namespaces: Sequence[str]) -> None:
         """Create it."""
@@ -384,7 +384,7 @@ def load_controllers(
 
 
 class ManagedControllers:
-    """What a controller manager is told: its parameters, its controllers by name."""
+    """Parameters of a controller manager, and its controllers by name."""
 
     def __init__(
         self,
@@ -483,7 +483,7 @@ class ManagedControllers:
     def _choose(
         self, name: str, key: str, own: Parameter | None
     ) -> tuple[Parameter | None, str]:
-        """Return what the manager is told about a controller, and its full name."""
+        """Return the manager's parameter of a controller, and its full name."""
         parameter = self.parameters.get(f"{name}.{key}")
         if parameter is None:
             return own, f"{name}.{key}"
@@ -492,7 +492,7 @@ class ManagedControllers:
     def _with_fallback(
         self, controller: ControllerConfig, others: Collection[str]
     ) -> ControllerConfig:
-        """Return a controller with its fallback controllers, of the names given."""
+        """Return a controller with its fallback controllers, of the other names."""
         name, parameters = controller.name, dict(controller.parameters)
         own = parameters.pop("fallback_controllers", None)
         parameter, where = self._choose(name, "fallback_controllers", own)
@@ -680,7 +680,7 @@ def _report_several(managers: Sequence[ManagedControllers], report: LoadReport) 
 
 
 def _first_setting(name: str, managers: Sequence[ManagedControllers]) -> Any:
-    """Return a parameter of the first manager that it is given to, or its default."""
+    """Return a parameter of the first manager that sets it, or its default."""
     settings = (m.settings for m in managers if name in m.parameters)
     return getattr(next(settings, managers[0].settings), name)
 
@@ -688,7 +688,7 @@ def _first_setting(name: str, managers: Sequence[ManagedControllers]) -> Any:
 def _merge(
     settings: Iterable[ControllerManagerConfig],
 ) -> HardwareComponentsInitialState:
-    """Return the initial states that all managers ask for."""
+    """Return the initial states of all managers."""
     states = [one.hardware_components_initial_state for one in settings]
     return HardwareComponentsInitialState(
         *(

@@ -168,7 +168,7 @@ _UNSET = "taken as not given"
 
 @dataclass(frozen=True)
 class DriveGains:
-    """How the description says that a joint is driven; None where it says nothing."""
+    """Gains of a joint's drive in the description; None where it has none."""
 
     # Gains of efforts on errors of position and of velocity, in Gazebo Classic.
     position_pid: PidGains | None = None
@@ -236,7 +236,7 @@ class _Finder:
         return True
 
     def _position_gain(self) -> float | None:
-        """Return the gain of positions in Gazebo Sim, None unless it is given."""
+        """Return the gain of positions in Gazebo Sim, None unless it is set."""
         if GAZEBO_SIM not in self._simulators.values():
             return None
         description = self._robot.description
@@ -354,7 +354,7 @@ class _Finder:
     def _value(
         self, node: NodeParameters, key: str, kind: type, done: str = _UNSET
     ) -> Any:
-        """Return a parameter; None if it isn't given, or of another type (a line)."""
+        """Return a parameter; None if it is unset, or of another type (a line)."""
         parameter = node.by_name.get(key)
         try:
             return None if parameter is None else node.convert(kind, parameter, key)

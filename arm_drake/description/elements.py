@@ -258,7 +258,7 @@ class ElementReader:
             self.note("warning", "ignored", what, "it has no effect", where)
 
     def boolean(self, element: ET.Element, name: str, where: str = "") -> bool | None:
-        """Return a bool attribute, None where it is not given."""
+        """Return a bool attribute, None if it is missing."""
         text = attribute(element, name)
         value = parse_bool(text)
         if value is None and element.get(name) is not None:
@@ -268,7 +268,7 @@ class ElementReader:
     def integer(
         self, element: ET.Element, name: str, least: int, where: str = ""
     ) -> int | None:
-        """Return an integer attribute, None where it is not given."""
+        """Return an integer attribute, None if it is missing."""
         if element.get(name) is None:
             return None
         text = attribute(element, name)
@@ -278,7 +278,7 @@ class ElementReader:
         return None
 
     def number(self, text: str | None, name: str, where: str = "") -> float | None:
-        """Return the number that a text is, None where it is not given."""
+        """Return the number that a text is, None if it is missing."""
         if text is None:
             return None
         value = parse_number(text.strip())
@@ -287,7 +287,7 @@ class ElementReader:
         return value
 
     def finite(self, text: str | None, name: str, where: str = "") -> float | None:
-        """Return the finite number that a text is, None where it is not given."""
+        """Return the finite number that a text is, None if it is missing."""
         value = self.number(text, name, where)
         if value is not None and math.isinf(value):
             self.expected(name, "a finite number", str(text).strip(), where)

@@ -113,7 +113,7 @@ class GazeboPlugin:
 
     @property
     def place(self) -> str:
-        """What it is called in the report."""
+        """Name in the report."""
         return f"Gazebo plugin {self.name or self.filename!r}"
 
     @property

@@ -252,7 +252,7 @@ class VelocityControl(BaseHolder):
 
 @dataclass(frozen=True, eq=False, repr=False, init=False, kw_only=True)
 class ClassicBase(JointPlugin):
-    """What Gazebo Classic's plugins that move bases have in common."""
+    """Common parameters of Gazebo Classic's plugins that move bases."""
 
     # [Hz]; 0 is every step.
     update_rate: float = 100.0
@@ -342,7 +342,7 @@ class GazeboRosJointPoseTrajectory(JointPlugin):
 
 @dataclass(frozen=True, eq=False, repr=False, init=False, kw_only=True)
 class WheelDrive(JointPlugin):
-    """What Gazebo Sim's plugins that drive bases on wheels have in common."""
+    """Common parameters of Gazebo Sim's plugins that drive bases on wheels."""
 
     # [m].
     wheel_separation: float = 1.0
@@ -560,7 +560,7 @@ class GazeboRosDiffDrive(ClassicDrive):
 
 
 def _named_joint(name: str) -> Any:
-    """Return a field of a joint that is called as its tag where there is none."""
+    """Return a field of joints, by default the one that is named as the tag."""
     return joint_tags(name, default=(name,))
 
 

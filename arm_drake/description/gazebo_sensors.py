@@ -317,7 +317,7 @@ class _ImuReader(SensorReader):
         )
 
     def _boolean(self, name: str, text: str) -> bool | None:
-        """Return the bool that a text is, None where it is not given."""
+        """Return the bool that a text is, None if it is missing."""
         value = parse_sdf_bool(text)
         if text and value is None:
             self.expected(name, "true or false", text)

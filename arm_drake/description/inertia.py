@@ -43,7 +43,7 @@ _STAND_INS = {
 
 @dataclass(frozen=True, eq=False)
 class Inertial:
-    """What a body weighs, in some frame; here of density 1."""
+    """Mass, centre of mass and inertia of a body in some frame; here of density 1."""
 
     # [kg]; of a body of density 1, its volume [m^3].
     mass: float
@@ -55,7 +55,7 @@ class Inertial:
     inertia: Array
 
     def moved(self, X_AB: Transform) -> "Inertial":
-        """Return the same, given in frame B, in frame A."""
+        """Return the same inertial, transformed from frame B to frame A."""
         R_AB, p_AB = X_AB.rotation, X_AB.position
         return Inertial(
             self.mass, R_AB @ self.center + p_AB, R_AB @ self.inertia @ R_AB.T
@@ -219,12 +219,12 @@ class Body:
 
     @property
     def mover(self) -> str:
-        """What moves the body, with the verb."""
+        """Subject and verb of the body's motion."""
         return "no joint holds" if self.joint is None else "a joint moves"
 
     @property
     def about(self) -> str:
-        """What it must have inertia about."""
+        """Axes about which it must have inertia."""
         is_free = self.joint is None or self.joint.type == "floating"
         return "every axis" if is_free else "the joint's axis"
 
@@ -362,7 +362,7 @@ def repair_free_base(
 
 
 class _Repair:
-    """What is done to one robot."""
+    """Repair of one robot."""
 
     def __init__(
         self, links: Sequence[LinkInfo], report: LoadReport, file: Path

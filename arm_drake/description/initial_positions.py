@@ -60,7 +60,7 @@ def _positions(
 
 
 def _report_others(joint: ComponentInfo, reader: ElementReader, where: str) -> None:
-    """Say that no other quantity has an initial value here."""
+    """Report that no other quantity has an initial value here."""
     interfaces = (*joint.state_interfaces, *joint.command_interfaces)
     found = {
         f"initial_value of {interface.name!r}": interface.initial_value

@@ -76,7 +76,7 @@ class JointLimits:
 
 @dataclass(frozen=True)
 class SoftJointLimits:
-    """What slows a joint down before its limits; None where nothing is said.
+    """Soft limits of a joint before its hard ones; None where unset.
 
     The letters are those of `<safety_controller>` in a URDF.
     """

@@ -76,7 +76,7 @@ class JointLimits:
 
     @property
     def range(self) -> tuple[float, float]:
-        """Both ends, infinite where there is none."""
+        """Both ends, infinite without a limit."""
         low, high = self.lower, self.upper
         return -math.inf if low is None else low, math.inf if high is None else high
 
@@ -441,7 +441,7 @@ def _link_of(element: ET.Element, tag: str, reader: ElementReader) -> str:
 def _report_lacking(
     limit: ET.Element | None, joint_type: str, reader: ElementReader
 ) -> None:
-    """Record what urdfdom asks of a limit: without it ROS refuses the robot."""
+    """Record what a limit lacks for urdfdom: without it ROS refuses the robot."""
     if limit is None and joint_type in ("revolute", "prismatic"):
         what = f"no <limit>, without which ROS takes no {joint_type} joint"
         reader.note("warning", "missing", what, "it moves without limits")
@@ -677,7 +677,7 @@ class _Finder(ElementReader):
         return Mimic(master, multiplier)
 
     def _compare(self, mimic: Mimic, component: ComponentInfo, where: str) -> None:
-        """Say if the old form contradicts the URDF's `<mimic>`."""
+        """Report a contradiction of the old form to the URDF's `<mimic>`."""
         master, multiplier = self._parameters(component, where)
         if (master, multiplier) != (mimic.joint, mimic.multiplier):
             what = (

@@ -99,7 +99,7 @@ class Origin:
 
 @dataclass(frozen=True)
 class Geometry:
-    """What is in a `<geometry>`; of its fields those that its type has."""
+    """Content of a `<geometry>`; of its fields those that its type has."""
 
     # box, sphere, cylinder, capsule, mesh or ellipsoid, which only wheels here have.
     type: str

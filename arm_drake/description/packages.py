@@ -449,7 +449,7 @@ class PackageFinder:
         return self._sources.get(name, self._found[name])
 
     def sources(self) -> list[Path]:
-        """Return the source folders of all packages that were asked for."""
+        """Return the source folders of all packages that were looked up."""
         return [self.source(name) for name in self._found]
 
     def copies(self, name: str) -> list[Path]:

@@ -45,7 +45,7 @@ Parameters = Mapping[str, Parameter]
 
 
 class NodeParameters:
-    """The given parameters of one node, which loading changes, and their report."""
+    """Parameters of one node, which loading changes, and their report."""
 
     def __init__(
         self,
@@ -55,7 +55,7 @@ class NodeParameters:
         report: LoadReport,
         distro: str,
     ) -> None:
-        """Copy what is given; `file` is named when a parameter is missing."""
+        """Copy the parameters; `file` is named when one is missing."""
         self.name = node
         self.file = file
         self.distro = distro
@@ -68,12 +68,12 @@ class NodeParameters:
     def add(
         self, name: str, severity: Severity, kind: Kind, what: str, done: str
     ) -> None:
-        """Add a line about a given parameter to the report."""
+        """Add a line about a parameter to the report."""
         where, parameter = f"{self.name}.{name}", self.by_name[name]
         self._report.add(severity, kind, what, done, where=where, at=parameter)
 
     def reject(self, name: str, problem: str) -> NoReturn:
-        """Raise ParameterError for a given parameter."""
+        """Raise ParameterError for a parameter."""
         where, parameter = f"{self.name}.{name}", self.by_name[name]
         raise ParameterError(problem, where=where, at=parameter)
 
@@ -105,7 +105,7 @@ class NodeParameters:
 
 
 class ParameterGroup:
-    """The parameters of one group as they were given, for its schema to adapt."""
+    """Parameters of one group as in the file, for its schema to adapt."""
 
     def __init__(self, node: NodeParameters, prefix: str) -> None:
         """Create a view; only the loader does."""
@@ -114,7 +114,7 @@ class ParameterGroup:
         self.distro = node.distro
 
     def __contains__(self, name: str) -> bool:
-        """Return whether a parameter is given."""
+        """Return whether a parameter is set."""
         return self._prefix + name in self._node.by_name
 
     def is_before(self, distro: str) -> bool:
@@ -122,7 +122,7 @@ class ParameterGroup:
         return DISTROS.index(self.distro) < DISTROS.index(distro)
 
     def first_of(self, group: str) -> str | None:
-        """Return the first given parameter of a nested group; None if there is none."""
+        """Return the first parameter of a nested group; None if it is empty."""
         start = f"{self._prefix}{group}."
         names = (name for name in self._node.by_name if name.startswith(start))
         first = next(names, None)
@@ -138,19 +138,19 @@ class ParameterGroup:
         }
 
     def get(self, name: str, expected: Any) -> Any:
-        """Return a parameter as the ``expected`` type; None if it isn't given."""
+        """Return a parameter as the ``expected`` type; None if it is unset."""
         name = self._prefix + name
         parameter = self._node.by_name.get(name)
         return parameter and self._node.convert(expected, parameter, name)
 
     def warn_of_nan(self, name: str, done: str) -> None:
-        """Add a line about a number that is given as NaN, which upstream takes."""
+        """Add a line about a number that is NaN, which upstream takes."""
         number = self.get(name, float)
         if number is not None and math.isnan(number):
             self.add(name, "warning", "ignored", "it is not a number", done)
 
     def replace(self, old: str, new: Mapping[str, Any]) -> None:
-        """Put newer parameters in the place of a given one, with a line in the report.
+        """Replace a parameter by newer ones, with a line in the report.
 
         A newer one that is given itself stays as it is.
         """
@@ -168,29 +168,29 @@ class ParameterGroup:
             self._node.adapted.add(self._prefix + name)
 
     def rename(self, old: str, new: str) -> None:
-        """Give a parameter its newer name, if it is given by the old one."""
+        """Rename a parameter that is set by its old name."""
         if old in self:
             self.replace(old, {new: self._node.by_name[self._prefix + old].value})
 
     def set(self, name: str, value: Any) -> None:
-        """Change the value of a given parameter."""
+        """Change the value of a parameter."""
         name = self._prefix + name
         parameters = self._node.by_name
         parameters[name] = dc.replace(parameters[name], value=value)
         self._node.adapted.add(name)
 
     def drop(self, name: str) -> None:
-        """Take a given parameter away; a line in the report is the caller's."""
+        """Remove a parameter; a line in the report is the caller's."""
         del self._node.by_name[self._prefix + name]
 
     def add(
         self, name: str, severity: Severity, kind: Kind, what: str, done: str
     ) -> None:
-        """Add a line about a given parameter to the report."""
+        """Add a line about a parameter to the report."""
         self._node.add(self._prefix + name, severity, kind, what, done)
 
     def reject(self, name: str, problem: str) -> NoReturn:
-        """Raise ParameterError for a given parameter."""
+        """Raise ParameterError for a parameter."""
         self._node.reject(self._prefix + name, problem)
 
 
@@ -212,7 +212,7 @@ _OF_THREADS = ("is_async", "thread_priority", "async_parameters")
 
 @dataclass(frozen=True)
 class Rule:
-    """What is to say of a parameter besides its type and its default."""
+    """Rules of a parameter besides its type and its default."""
 
     # Defaults of other distros; `...` is the field's.
     humble: Any = ...
@@ -363,7 +363,7 @@ class _Loader:
             ) from None
 
     def _missing(self, name: str, schema: type[T], prefix: str) -> ParameterError:
-        """Return what is wrong where nothing, or something like it, is given."""
+        """Return the error of a parameter that is missing or misspelt."""
         names = {prefix + field.name for field in dc.fields(schema)}  # type: ignore[arg-type]
         others = {key: p for key, p in self._node.by_name.items() if key not in names}
         close = find_close(name, others, 0.7)
@@ -400,7 +400,7 @@ class _Loader:
                 del parameters[key]
 
     def _value(self, field: "dc.Field[Any]", expected: Any, prefix: str) -> Any:
-        """Return the value of a field; MISSING if it is a parameter not given."""
+        """Return the value of a field; MISSING if it is an unset parameter."""
         name = prefix + field.name
         elements = field.metadata.get("per_element_of")
         if elements is not None:

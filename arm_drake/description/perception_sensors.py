@@ -104,7 +104,7 @@ USUAL_RATE: Final = 30.0
 
 @dataclass(frozen=True)
 class PerceptionSensor:
-    """What cameras and lidars have in common."""
+    """Common fields of cameras and lidars."""
 
     # Name in the robot, which no other of them has.
     name: str
@@ -226,7 +226,7 @@ class ScanAxis:
 
     @property
     def count(self) -> int:
-        """Number of rays that are told."""
+        """Number of published rays."""
         return max(1, round(self.samples * self.resolution))
 
 
@@ -317,7 +317,7 @@ class _SensorReader(SensorReader):
     def refuse(
         self, what: str, kind: Literal["missing", "invalid"] = "invalid"
     ) -> None:
-        """Report why there is no such sensor."""
+        """Report why the sensor is left out."""
         self.note("error", kind, what, "the sensor is left out")
 
     def read_common(
@@ -666,7 +666,7 @@ def _depth_range(
     near: float,
     far: float,
 ) -> tuple[float, float]:
-    """Return the depths that a camera tells [m]."""
+    """Return the range of a camera's depths [m]."""
     if plugin is not None and plugin.is_realsense:
         return near, far
     if plugin is not None:

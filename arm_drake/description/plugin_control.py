@@ -307,7 +307,7 @@ class PluginSorter:
 
 
 def _system(plugin: RunPlugin, at: int) -> object:
-    """Return what tells the systems of plugins apart."""
+    """Return a key of the system that a plugin belongs to."""
     return type(plugin) if isinstance(plugin, GROUPED) else at
 
 
@@ -367,7 +367,7 @@ def _moved_by(plugin: Driving) -> list[str]:
 
 
 def _joints_of(plugin: JointPlugin, movable: Collection[str]) -> list[str]:
-    """Return the joints that a plugin asks for."""
+    """Return the joints that a plugin moves."""
     if not isinstance(plugin, Moving):
         return []
     if isinstance(plugin, GazeboRosJointPoseTrajectory):

@@ -82,7 +82,7 @@ def _merge(entries: list[ReportEntry]) -> ReportEntry:
 
 
 class LoadReport:
-    """What was repaired, ignored, unsupported, missing or invalid in a load."""
+    """Report of repaired, ignored, unsupported, missing or invalid parts of a load."""
 
     def __init__(self, entries: Iterable[ReportEntry] = ()) -> None:
         """Create a report.
@@ -143,7 +143,7 @@ class LoadReport:
         return [dc.asdict(entry) for entry in self._entries]
 
     def add_lines(self, find: Callable[[str], tuple[Path, int] | None]) -> None:
-        """Say where things stand that were found in an expanded description.
+        """Add file and line to entries on an expanded description.
 
         Args:
             find: Returns file and line of a place such as "link 'elbow'", or None.
@@ -184,7 +184,7 @@ class LoadReport:
 
 
 class Places:
-    """Where the elements of a description stand in the files that it was made of.
+    """Places of a description's elements in the files that it was made of.
 
     `expand_xacro` fills it; names are looked for when somebody asks.
     """

@@ -139,7 +139,7 @@ class Robot:
 
     @property
     def title(self) -> str:
-        """What it is called where there is room for one name: as it was asked for."""
+        """Title where there is room for one name: as it was requested."""
         is_renamed = self.name != self.description.name
         return self.name if is_renamed or self.bundled is None else self.bundled
 

@@ -127,7 +127,7 @@ class Substitutions:
 
     @property
     def unused(self) -> list[str]:
-        """Names of the variables that nothing asked for."""
+        """Names of the unused variables."""
         return sorted(self._variables.keys() - self._used)
 
     def fill_templates(self, text: str) -> str:

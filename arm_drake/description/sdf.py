@@ -213,7 +213,7 @@ class _Model:
         return DescriptionError(problem, file=self.file, where=where)
 
     def _guess(self, name: str, tags: Sequence[str]) -> str:
-        """Return a name that isn't there, with what may be meant."""
+        """Return an unknown name, with a suggestion."""
         if "::" in name:
             return f"{name!r}: models in the model and includes are left out"
         known = [n for n, e in self._holders.items() if e.tag in tags]

@@ -104,7 +104,7 @@ def find_sensors(
 
 
 class _Place(NamedTuple):
-    """Where a sensor may be."""
+    """Possible place of a sensor."""
 
     # Name of a link; not always of one that there is.
     link: str
@@ -117,7 +117,7 @@ class _Place(NamedTuple):
 
     @property
     def problem(self) -> str:
-        """What is wrong with it, if there is no such link."""
+        """Problem of the place, if there is no such link."""
         return f"{self.source} names no link: {self.link!r}"
 
 
@@ -202,7 +202,7 @@ class _Places:
         return _Place(link, pose, tag.is_on_child, source)
 
     def _reference(self, name: str, names: Sequence[str]) -> str:
-        """Return the link in which a pose is given."""
+        """Return the reference link of a pose."""
         if not any(n in interfaces.POSITIONS for n in names):
             return ""
         for controller in self.config.controllers:

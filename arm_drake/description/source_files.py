@@ -84,7 +84,7 @@ def files_of_failed(
 
 
 class FileWatcher:
-    """Says which files have changed since it was last asked.
+    """Finds files that have changed since the last look.
 
     Editors replace a file by another one, so that there may be none for a moment: one
     that is missing counts as changed when it is back, or missing twice in a row.
@@ -128,7 +128,7 @@ class FileWatcher:
 
 @dc.dataclass
 class _Watched:
-    """What was last seen of a file."""
+    """State of a file at the last look."""
 
     # None if there was none.
     signature: _Signature | None
@@ -155,7 +155,7 @@ def _first_look(file: Path, since: int | None) -> _Watched:
 
 
 def _signature(file: Path) -> _Signature | None:
-    """Return what tells a file from what it was, None if there is none."""
+    """Return a signature that changes with the file, None without one."""
     try:
         status = os.stat(file)
     except (OSError, ValueError):  # A name that no file can have.

@@ -51,7 +51,7 @@ _MAX_FILES = 1000
 
 @dc.dataclass
 class XacroSources:
-    """What the files of a description declare, and what they lack."""
+    """Declarations in a description's files, and missing files."""
 
     # The files that were read, the entry file first.
     files: list[Path] = dc.field(default_factory=list)
@@ -80,7 +80,7 @@ def read_sources(entry: Path, packages: PackageFinder) -> XacroSources:
 
 
 def missing_packages(entry: Path, packages: PackageFinder) -> dict[str, list[str]]:
-    """Return the places that ask for a package that isn't found, by its name."""
+    """Return the places that refer to a package that isn't found, by its name."""
     missing: dict[str, list[str]] = {}
     for path in read_sources(entry, packages).files:
         text = _text(path)
@@ -178,7 +178,7 @@ MAX_SIZE = 64 * 2**20
 
 
 def _sayings(text: str) -> list[str]:
-    """Return what xacro says, each with the lines that tell where that is."""
+    """Return the messages of xacro, each with its lines of places."""
     found: list[list[str]] = []
     for line in text.splitlines():
         if found and line.startswith(_WHERE):
@@ -236,7 +236,7 @@ def expand_xacro(
 
 
 def _run(path: Path, args: Mapping[str, str], packages: PackageFinder) -> Any:
-    """Return what `xacro_process` tells of a file."""
+    """Return the answer of `xacro_process` about a file."""
     # Modules lie where they lie for this process; of ours it needs one.
     folders = [os.path.abspath(folder) for folder in sys.path]
     folders.append(str(Path(__file__).parent))
@@ -289,7 +289,7 @@ def _check_unused(
     packages: PackageFinder,
     report: LoadReport | None,
 ) -> None:
-    """Say if a value was given that nothing asks for.
+    """Report arguments that are set but unused.
 
     Launch files pass such arguments on, to files of which some have them, and xacro
     takes no notice.
@@ -427,7 +427,7 @@ def _find_values(
 def _list_missing(
     error: PackageError, path: Path, packages: PackageFinder
 ) -> PackageError:
-    """Return an error that names every package that is missing, and who asked."""
+    """Return an error that names every missing package, and what refers to it."""
     missing = missing_packages(path, packages)
     if not missing:
         return error

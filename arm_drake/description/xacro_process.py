@@ -209,7 +209,7 @@ class _PackageNotFoundError(Exception):
 
 
 class _Place:
-    """Where a node of a document is; the copies that macros make keep it."""
+    """Place of a node of a document; the copies that macros make keep it."""
 
     def __init__(self, file: str, line: int) -> None:
         self.file = file
@@ -246,7 +246,7 @@ class _Builder(ExpatBuilderNS):
 
 
 class _Other:
-    """The process that asked."""
+    """The parent process."""
 
     def __init__(self, incoming: TextIO, outgoing: TextIO) -> None:
         self._incoming = incoming
@@ -268,7 +268,7 @@ class _Other:
 
 
 def main() -> None:
-    """Expand the file that standard input names, and tell what became of it."""
+    """Expand the file that standard input names, and print the result."""
     # Nothing that xacro prints may come between what is told.
     other, said = _Other(sys.stdin, sys.stdout), io.StringIO()
     request = other.read()
@@ -293,7 +293,7 @@ def main() -> None:
 
 
 class _Arguments(dict[str, str]):
-    """Values of xacro arguments, which remember whether anything asked for them."""
+    """Values of xacro arguments, which remember whether anything used them."""
 
     def __init__(self, values: Mapping[str, str]) -> None:
         super().__init__(values)
@@ -334,7 +334,7 @@ def _expand(
 
 
 def _places_of_elements(document: xml.dom.minidom.Document) -> dict[str, Any]:
-    """Return file and line of each element, in their order, each file told once."""
+    """Return file and line of each element, in order, each file only once."""
     numbers: dict[str, int] = {}
     places: list[tuple[int, int] | None] = []
     for element in document.getElementsByTagName("*"):
@@ -416,7 +416,7 @@ def _explain(error: Exception) -> dict[str, Any]:
 
 
 def _describe(error: Exception, cause: Any) -> dict[str, Any]:
-    """Return the text of an error, with the names that there are for one of them."""
+    """Return the text of an error, with the names that may be meant."""
     text = " ".join(str(error).split())
     if not isinstance(error, xacro.XacroException) and not text.startswith("xacro:"):
         text = f"xacro: {type(error).__name__}: {text}"

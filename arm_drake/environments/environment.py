@@ -68,7 +68,7 @@ _MOST = 2.0
 
 
 class Evaluation(NamedTuple):
-    """What a task says of where the robot is."""
+    """Evaluation of a task after a step."""
 
     reward: float
 
@@ -90,7 +90,7 @@ class TaskShape(NamedTuple):
 
 
 class Task:
-    """What is asked of a robot; to be derived from.
+    """Base class of a robot's tasks.
 
     An environment calls `reset` at the start of each episode, `observe` and `evaluate`
     after each step.
@@ -231,7 +231,7 @@ class _Actuation:
 
 
 class Environment(gymnasium.Env[Array, Array]):
-    """A robot that a task is asked of, as `gymnasium.Env`.
+    """A robot with a task, as `gymnasium.Env`.
 
     An action has a number from -1 to 1 for each joint of the controller. Where that
     commands positions, 1 moves the commanded position at the joint's limit of velocity;
@@ -431,7 +431,7 @@ def make_env(
     render_mode: str | None = None,
     **load_options: Any,
 ) -> Environment:
-    """Return an environment of Gymnasium: a robot that a task is asked of.
+    """Return an environment of Gymnasium: a robot with a task.
 
     Args:
         robot: A robot, or what `load_robot` takes.

@@ -218,7 +218,7 @@ def report_friction(
 def report_times(
     step: float, period: float, options: SimulationOptions, report: LoadReport
 ) -> None:
-    """Report a step and a manager's period [s] that aren't as the options ask for."""
+    """Report a step and a manager's period [s] that differ from the options."""
     largest = options.largest_step
     is_requested = options.time_step is not None or options.preset != "fast"
     if is_requested and step < _MUCH_LESS * largest:

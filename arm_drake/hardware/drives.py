@@ -82,7 +82,7 @@ def effort_limits(joints: Sequence[JointInfo]) -> list[float]:
 
 @dataclass(frozen=True)
 class RobotDrive:
-    """What drives a robot's n commanded joints."""
+    """Drive of a robot's n commanded joints."""
 
     # The joints, in the order of the description.
     joints: tuple[JointInfo, ...]
@@ -117,7 +117,7 @@ class RobotDrive:
 
     @property
     def rest_time(self) -> np.ndarray:
-        """How far ahead of a moving joint the position is where it would stop [s]."""
+        """Lead of the position at which a moving joint would stop [s]."""
         return self.gains.kd / self.gains.kp
 
 
@@ -354,7 +354,7 @@ def make_drive_commands(
     *,
     holds: bool = True,
 ) -> DriveCommands:
-    """Return what turns commands of controllers into what the servo is told."""
+    """Return the map from commands of controllers to commands of the servo."""
     positions = set(interfaces.interface_names(drive.names, [interfaces.POSITION]))
     return DriveCommands(
         drive.names,

@@ -32,7 +32,7 @@ from arm_drake.plant.sensor_readings import ContactReadings, SensorReadings
 
 @dataclass(frozen=True)
 class Hardware:
-    """What the rest of a diagram needs of a robot's hardware."""
+    """Ports and data of a robot's hardware for the rest of a diagram."""
 
     # Joints with an actuator, n of them.
     commanded: tuple[str, ...]

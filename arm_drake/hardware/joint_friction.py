@@ -96,7 +96,7 @@ class JointFriction(NamedTuple):
 
     @property
     def deflection(self) -> np.ndarray:
-        """How far joints give way before their friction is all there [rad], (k,)."""
+        """Deflection of joints at full friction [rad], (k,)."""
         return self.friction / self.gains.kf
 
 

@@ -576,7 +576,7 @@ class RobotBases:
 
     @property
     def load_inertia(self) -> dict[str, float]:
-        """What wheels move on the ground [kg·m^2], by their joints."""
+        """Inertia that wheels move on the ground [kg·m^2], by their joints."""
         return find_load_inertia(self.robot.description, self.bases)
 
     def report(self, report: LoadReport) -> None:
@@ -650,7 +650,7 @@ class RobotBases:
         report: LoadReport,
         prefix: str,
     ) -> None:
-        """Add the outputs that tell odometry from the truth, see `wheel_slip`.
+        """Add the outputs that compare odometry with the truth, see `wheel_slip`.
 
         The plant is finalized, and the robot stands where it starts.
         """

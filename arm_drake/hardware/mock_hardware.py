@@ -25,7 +25,7 @@ from arm_drake.timing import cycle_at
 
 
 class _Read(NamedTuple):
-    """What a cycle's read leaves behind."""
+    """Result of the read of a cycle."""
 
     # Number of the cycle; -1 before the first one.
     number: int

@@ -62,7 +62,7 @@ class _Delay(PythonSystem):
 
 
 class MeasuredStates(_Delay):
-    """What of some state interfaces reaches the controllers.
+    """State interfaces with noise and delay, as they reach the controllers.
 
     .. pydrake_system::
 
@@ -180,7 +180,7 @@ def find_deviations(names: Sequence[str], noise: Mapping[str, float]) -> Array:
 
 
 def _names_of(name: str) -> tuple[str, ...]:
-    """Return by what the noise of a state interface can be told; () if it has none."""
+    """Return keys for the noise of a state interface; () if it has none."""
     component, _, interface = name.rpartition("/")
     if interface in interfaces.ORIENTATIONS:
         return ()

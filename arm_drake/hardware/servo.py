@@ -100,7 +100,7 @@ _NO_LIMIT = 1e12
 
 @dataclass(frozen=True)
 class Layout:
-    """Where n commanded joints stand in a robot's state, and what they are told."""
+    """Indices of n commanded joints in a robot's state, and parts of their command."""
 
     num_states: int
     positions_at: Sequence[int]
@@ -167,7 +167,7 @@ def clamp(value: Expression, limit: float | Expression) -> Expression:
 
 
 def lower_of(limit: float, commanded: Variable | Expression) -> Expression:
-    """Return a limit, or one that is told if it is lower; 0 is none."""
+    """Return a limit, or the commanded one if it is lower; 0 is none."""
     most = limit if np.isfinite(limit) else _NO_LIMIT
     return if_then_else(commanded > 0.0, min_(commanded, most), Expression(most))
 
@@ -196,7 +196,7 @@ _TINY = 1e-12
 
 
 class Observer:
-    """What the observer of n joints remembers of the step before.
+    """Values that the observer of n joints keeps from the step before.
 
     These are (1 - b) I + b v/h, the accelerations u that were asked for (0 where a
     commanded effort alone counted), the positions that grippers were sent to, and by
@@ -353,7 +353,7 @@ def mixed_command(part: float, start: Array, h: float) -> AffineSystem:
 
 
 def measured_acceleration(gains: ServoGains, layout: Layout, h: float) -> LinearSystem:
-    """Return the filters that tell other joints of the acceleration of a free one.
+    """Return the filters of a free joint's acceleration, for the other joints.
 
     The input is the robot's state; the output is a of all joints, then r.
     """
@@ -458,7 +458,7 @@ def _unless(
 def _desired_by_position(
     gains: ServoGains, command: Command, i: int, q: Variable, v: Variable
 ) -> Expression:
-    """Return the acceleration that a position with its velocity asks for."""
+    """Return the acceleration for a commanded position with its velocity."""
     error = _brake(command.q_d[i] - q, float(gains.braking_error[i]))
     approach: float | Expression = float(gains.max_approach[i])
     largest: float | Expression = float(gains.max_error[i])

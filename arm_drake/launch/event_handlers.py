@@ -6,7 +6,7 @@ from arm_drake.launch.substitutions import LaunchContext, perform
 
 
 class Event:
-    """What happened to a process, as functions are told it; or what is emitted."""
+    """Event of a process, as handlers get it, or one that is emitted."""
 
     def __init__(self, **fields: Any) -> None:
         """Take what describes it."""
@@ -14,7 +14,7 @@ class Event:
 
 
 class EventHandler:
-    """What follows an event of an action."""
+    """Entities that follow an event of an action."""
 
     # Which event, and the argument that says what follows.
     kind = argument = ""
@@ -55,7 +55,7 @@ class OnProcessIO(EventHandler):
 
 
 def entities_after(entities: Any, action: Any, context: LaunchContext) -> Any:
-    """Return what follows an event of an action; a function is told the event."""
+    """Return the entities after an event of an action; a function takes the event."""
     if not callable(entities) or hasattr(entities, "visit"):
         return entities
     own = getattr(action, "executable", None)

@@ -36,7 +36,7 @@ class StaticFrame(NamedTuple):
 
 
 class Placed(NamedTuple):
-    """What static frames are for one robot."""
+    """Static frames of one robot, and its pose."""
 
     # Frames on its links, as `load_robot` takes them.
     frames: Mapping[str, tuple[str, Pose]]

@@ -47,7 +47,7 @@ class _Element(NamedTuple):
         return [child for child in self.children if child.tag in tags]
 
     def need(self, name: str) -> Any:
-        """Return an attribute that must be there, as what it stands for."""
+        """Return a required attribute as what it stands for."""
         return parse_substitution(self.attributes[name])
 
     @property

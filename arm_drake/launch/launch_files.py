@@ -87,7 +87,7 @@ def find_launch_file(
 
 
 def _report_copies(name: str, finder: PackageFinder, report: LoadReport) -> None:
-    """Say which folder of a package is taken, if there are several."""
+    """Report which folder of a package is taken, if there are several."""
     others = ", ".join(map(str, finder.copies(name)))
     if others:
         what = f"package {name!r} is there several times, also as {others}"
@@ -152,7 +152,7 @@ def load_arguments(
     arguments: Mapping[str, str] | None = None,
     package_paths: Sequence[Path] = (),
 ) -> tuple[LaunchArgument, ...]:
-    """Return the arguments that a launch file declares; none must be given.
+    """Return the arguments that a launch file declares; none is required.
 
     What can't be read for want of others is left out, as by `ros2 launch`.
 
@@ -214,7 +214,7 @@ def _ask(
     *,
     only_shows_arguments: bool = False,
 ) -> tuple[Any, PackageFinder, PlanFolder]:
-    """Return what the process that reads a launch file tells."""
+    """Return the answer of the process that reads a launch file."""
     finder = PackageFinder(path, folders)
     folder = PlanFolder()
     request = {
@@ -321,7 +321,7 @@ def _read_line(process: subprocess.Popen[bytes], deadline: float) -> bytes | Non
 def _find(
     question: Mapping[str, Any], finder: PackageFinder, folder: PlanFolder
 ) -> Any:
-    """Return the folder or the text that a launch file asks for, None for none."""
+    """Return the folder or the text that a launch file needs, None for none."""
     if "expand" in question:
         try:
             file = Path(question["expand"])

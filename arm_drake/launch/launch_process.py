@@ -1,4 +1,4 @@
-"""Program that reads one launch file, and tells what it would start.
+"""Program that reads one launch file, and prints what it would start.
 
 `launch_files.load_launch` runs it in a process of its own: a launch file in Python is a
 program. Here it finds ours in the place of the modules that it knows from ROS, none of
@@ -288,7 +288,7 @@ _OF_MOVEIT = ("launches", "launch_utils", "substitutions", "moveit_configs_build
 
 
 def _make_index(share: Callable[[str], str]) -> Mapping[str, Any]:
-    """Return what tells of the index of installed resources: packages are all of it."""
+    """Return functions for the index of installed resources: packages are all of it."""
 
     def has_resource(resource_type: str, resource_name: str) -> Any:
         try:
@@ -431,7 +431,7 @@ def install(context: LaunchContext, find_sources: Callable[[str], str | None]) -
 
 
 class _Other:
-    """The process that asked."""
+    """The parent process."""
 
     def __init__(self, incoming: TextIO, outgoing: TextIO) -> None:
         self._incoming, self._outgoing = incoming, outgoing
@@ -451,7 +451,7 @@ class _Other:
         return folder
 
     def find_sources(self, name: str) -> str | None:
-        """Return the source folder of a package, None if there is none."""
+        """Return the source folder of a package, None if it has none."""
         return self._ask("find_sources", name)
 
     def expand(self, file: str, arguments: Mapping[str, str]) -> str:
@@ -526,7 +526,7 @@ def _below(path: Any, folder: Any = None) -> Any:
 
 
 class _RefusedError(PermissionError):
-    """What a launch file may not do."""
+    """Forbidden operation of a launch file."""
 
 
 class _Watch:
@@ -588,7 +588,7 @@ _OF_ROS = {
 
 
 def main() -> None:
-    """Read the launch file that standard input names, and tell what it would do."""
+    """Read the launch file that standard input names, and print its result."""
     # Nothing that a launch file prints may come between what is told.
     other, said = _Other(sys.stdin, os.fdopen(os.dup(1), "w")), io.StringIO()
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

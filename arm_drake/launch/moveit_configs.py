@@ -100,7 +100,7 @@ def _read_description(path: Path, mappings: Mapping[Any, Any] | None) -> Any:
 
 
 class MoveItConfigs:
-    """What `MoveItConfigsBuilder.to_moveit_configs` returns."""
+    """Result of `MoveItConfigsBuilder.to_moveit_configs`."""
 
     def __init__(self, package_path: Path, values: Mapping[str, Any]) -> None:
         self.package_path = package_path
@@ -197,7 +197,7 @@ class MoveItConfigsBuilder:
         return self
 
     def _take_file(self, name: str, ending: str, path: Any) -> "MoveItConfigsBuilder":
-        """Take a YAML of the package as a parameter, if it is there."""
+        """Take a YAML of the package as a parameter, if it exists."""
         file = self._package / str(path)
         if file.is_file():
             content = parameters.read_parameter_file(str(file)) or {}

@@ -13,7 +13,7 @@ _LASTING_PROGRAMS = {"gazebo", "gzserver", "gzclient", "gz", "ign", "rviz2", "rq
 
 
 class NodeRole(NamedTuple):
-    """What nodes become here."""
+    """Role that nodes have here."""
 
     packages: tuple[str, ...]
 
@@ -207,7 +207,7 @@ def find_what_it_does(
 
 
 def _sources(folder: Path, executable: str) -> Iterator[Path]:
-    """Yield the files that a node of a package is made of, as far as it is told."""
+    """Yield the files that a node of a package is made of, as far as they are known."""
     stem = executable.removesuffix(".py")
     names = {executable, f"{stem}.py", f"{stem}.cpp", f"{stem}.cc"}
     for setup in (folder / "setup.py", folder / "setup.cfg", folder / "CMakeLists.txt"):

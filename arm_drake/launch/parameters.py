@@ -130,7 +130,7 @@ class ReplaceString(Substitution):
 
 
 class HasNodeParams(Substitution):
-    """Whether a file has parameters of a node, of `nav2_common.launch`."""
+    """Test for a node's parameters in a file, of `nav2_common.launch`."""
 
     def __init__(self, source_file: Any, node_name: str) -> None:
         super().__init__(source_file)

@@ -45,7 +45,7 @@ class LaunchArgument:
 
 @dataclass(frozen=True, eq=False)
 class LaunchPlan:
-    """What `load_launch` returns: what a launch file would start.
+    """Plan returned by `load_launch`: all that a launch file would start.
 
     Its robots are loaded by `load_scene`; `build_diagram` does both.
     """
@@ -199,7 +199,7 @@ class LaunchPlan:
 
     @functools.cached_property
     def _placed(self) -> list[Placed]:
-        """What the static frames are for each robot."""
+        """Static frames of each robot."""
         if not self.static_frames:
             return [Placed({}, None) for _ in self.robots]
         links = [

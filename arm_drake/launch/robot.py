@@ -41,7 +41,7 @@ _PARAMETERS_TAG = re.compile(r"<parameters>\s*([^<]+?)\s*</parameters>")
 
 
 class PlanFolder:
-    """A folder of files that a launch file wrote, there as long as who needs them."""
+    """A folder of files that a launch file wrote, kept as long as its users."""
 
     def __init__(self) -> None:
         """Create it."""
@@ -147,7 +147,7 @@ class LaunchedRobot:
 
     @property
     def chosen_name(self) -> str | None:
-        """What it is called beside others; None if as its description says."""
+        """Name beside other robots; None if as its description says."""
         name = self.name or self.namespace or None
         return None if name is None else name.strip("/").replace("/", "_")
 
@@ -227,7 +227,7 @@ class LaunchedRobot:
         return self.source, expand(self.source, self.xacro_args, packages)
 
     def _variables_in(self, files: Sequence[Path]) -> dict[str, str]:
-        """Return the values of what `$(var NAME)` asks for in some files."""
+        """Return the values of the `$(var NAME)` in some files."""
         texts = [text_of(file) for file in files]
         named = {name for text in texts for name in _VARIABLE.findall(text)}
         return {k: v for k, v in self.variables.items() if k in named}
@@ -549,7 +549,7 @@ class Spawner(NamedTuple):
 
 @dc.dataclass
 class RobotParts:
-    """What a launch file says of robots, in its order, to be put together."""
+    """Parts of robots in a launch file, in its order, to be put together."""
 
     descriptions: list[Description] = dc.field(default_factory=list)
     spawns: list[Spawn] = dc.field(default_factory=list)

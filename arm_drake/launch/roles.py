@@ -657,7 +657,7 @@ class Roles:
 
 
 def _merge(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters that a node is given by name."""
+    """Return the parameters of a node by name."""
     merged: dict[str, Any] = {}
     for each in record.get("parameters", ()):
         if isinstance(each, Mapping):
@@ -706,7 +706,7 @@ def _has_text(name: str, text: str) -> bool:
 
 
 def _read_text(path: Path) -> str:
-    """Return the text of a file, none if there is no such one."""
+    """Return the text of a file, "" if it is missing."""
     try:
         return path.read_text(encoding="utf-8", errors="replace")
     except (OSError, ValueError):

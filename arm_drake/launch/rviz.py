@@ -19,7 +19,7 @@ _ALWAYS = ("Grid", "Axes", "Group")
 
 
 class RvizView(NamedTuple):
-    """What a page shows in place of RViz."""
+    """View on a page in place of RViz."""
 
     # None for the world.
     fixed_frame: str | None

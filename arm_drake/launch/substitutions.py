@@ -22,7 +22,7 @@ KEY = re.compile(r'<robot key="([0-9]{1,9})" by="arm_drake"/>')
 
 
 class LaunchError(Exception):
-    """What stops a launch file, in words for its user."""
+    """Error that stops a launch file, in words for its user."""
 
     line: int | None = None
 
@@ -50,7 +50,7 @@ class PackageNotFoundError(LookupError, LaunchError):
 
 
 class LaunchContext:
-    """What substitutions are evaluated in: configurations, environment, files."""
+    """Context of substitutions: configurations, environment, files."""
 
     def __init__(
         self,
@@ -348,7 +348,7 @@ _ON_STDERR = ("fail", "ignore", "warn", "capture")
 
 
 class Command(Substitution):
-    """What a program prints: xacro's is expanded later, most others are refused."""
+    """Output of a program: xacro's is expanded later, most others are refused."""
 
     def __init__(self, command: Any, *, on_stderr: Any = "fail") -> None:
         super().__init__()
@@ -538,7 +538,7 @@ class IfElseSubstitution(Substitution):
 
 
 class Condition:
-    """Whether an action is executed."""
+    """Condition for the execution of an action."""
 
     def __init__(
         self, predicate: Callable[[LaunchContext], bool] | None = None

@@ -14,7 +14,7 @@ def split_words(text: str) -> list[str]:
 
 
 def value_of(words: Sequence[str], *keys: str) -> str | None:
-    """Return the word after an option, None if it isn't there."""
+    """Return the word after an option, None if it is missing."""
     for index, word in enumerate(words[:-1]):
         if word in keys:
             return words[index + 1]

@@ -146,7 +146,7 @@ _LIKE_OWN_PORTS = ("/joint_states", "/frames")
 
 
 def with_prefix(prefix: str, name: str) -> str:
-    """Return an exported name with that of its robot in front, if there are several.
+    """Return an exported name with its robot's name in front, if several.
 
     A topic that would then be called as a port that every robot has, such as the
     positions `joint_states`, keeps its slash: `/<robot>/joint_states`.
@@ -190,7 +190,7 @@ def export_topics(
 
 
 class LoggedNumbers(NamedTuple):
-    """Which of the numbers that a cycle writes are logged, one after the other."""
+    """Indices of the logged numbers of a cycle, one after the other."""
 
     # Values of command interfaces, and who is active.
     values: range

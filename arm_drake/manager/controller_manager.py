@@ -52,7 +52,7 @@ from arm_drake.timing import TOLERANCE, cycle_at, cycle_time, cycle_times, has_r
 
 
 class Readings(NamedTuple):
-    """What the manager holds and reads at the start of a cycle."""
+    """State and inputs of the manager at the start of a cycle."""
 
     state: ManagerState
 
@@ -64,7 +64,7 @@ class Readings(NamedTuple):
 
     @property
     def new_requests(self) -> tuple[SwitchController, ...]:
-        """The requests that weren't there in the last cycle."""
+        """The new requests since the last cycle."""
         old = set(map(id, self.state.requests))
         return tuple(r for r in self.inputs.requests if id(r) not in old)
 
@@ -105,7 +105,7 @@ class Loop:
     def begin(
         self, readings: Readings, number: int, time_ns: int, period_ns: int
     ) -> Cycle:
-        """Return what controllers are told in a cycle; its times are in [ns]."""
+        """Return the controllers' input in a cycle; its times are in [ns]."""
         state, values = readings.state, None
         active, chain = state.active, state.chained
         if readings.is_switching:
@@ -309,7 +309,7 @@ NUMBERS_PORT = "numbers"
 
 
 class ControllerManager(PythonSystem):
-    """Tells controllers when to run, and hands their commands to the hardware.
+    """Triggers the controllers' ticks, and writes their commands to the hardware.
 
     .. pydrake_system::
 
@@ -557,7 +557,7 @@ class ControllerManager(PythonSystem):
         return self._find_maker(context)()
 
     def look(self, context: Context) -> Callable[[], Cycle]:
-        """Return what makes the last cycle as controllers are told it, with its ticks.
+        """Return a function for the last cycle as controllers get it, with its ticks.
 
         That may be done later and in another thread: what it is made of is read now,
         from the manager's own context, in a tenth of the time.

@@ -17,7 +17,7 @@ from arm_drake.plant.kinematics import PlantKinematics
 
 @dataclass(frozen=True)
 class HardwareInterfaces(RobotInfo):
-    """What a robot offers its controllers."""
+    """Interfaces of a robot for its controllers."""
 
     # URDF type of every movable joint.
     joint_types: Mapping[str, str]

@@ -95,7 +95,7 @@ Refusal = Callable[[Collection[str], Collection[str]], str]
 
 
 class Activation(NamedTuple):
-    """Which controllers are active after a switch."""
+    """Active controllers after a switch."""
 
     active: Mapping[str, int]
     chained: frozenset[str]
@@ -319,7 +319,7 @@ def _is_topic(port: InputPort) -> bool:
 
 
 class ManagerInputs(NamedTuple):
-    """What lies on the ports of a manager and of its controllers."""
+    """Messages on the ports of a manager and of its controllers."""
 
     requests: tuple[SwitchController, ...]
     inboxes: tuple[object, ...]
@@ -389,7 +389,7 @@ class TickKeeper:
 
     @property
     def num_measured(self) -> int:
-        """How many numbers `measure` returns at most."""
+        """Largest number of values that `measure` returns."""
         return (self._measured or self._motions).size()
 
     def measure(self, context: Context, *, reads_all: bool) -> Array:
@@ -401,7 +401,7 @@ class TickKeeper:
         return motions
 
     def start(self) -> UpdateResults:
-        """Return what there is before the first cycle."""
+        """Return the results before the first cycle."""
         return {name: m.system.first_result for name, m in self._members.items()}
 
     def read_inputs(
@@ -478,9 +478,9 @@ class TickKeeper:
 
 
 class QuietTicks:
-    """Who ticks in cycles in which nothing comes and nothing switches.
+    """Ticking controllers of cycles in which nothing comes and nothing switches.
 
-    That follows from the state alone; for the latest state it is remembered.
+    They follow from the state alone; for the latest state they are remembered.
     """
 
     def __init__(

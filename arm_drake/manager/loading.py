@@ -171,7 +171,7 @@ def _missing(
     hardware: HardwareInterfaces,
     configured: Collection[str],
 ) -> str:
-    """Return why there are no command or state interfaces of a component."""
+    """Return why command or state interfaces of a component are missing."""
     name = names[0]
     component, _, interface = name.rpartition("/")
     has = sorted(
@@ -340,7 +340,7 @@ class ControllerLoader:
     def _params(
         self, controller: ControllerConfig, rate: int
     ) -> ControllerInterfaceParams:
-        """Return what a controller of this rate is given besides its parameters."""
+        """Return the configuration of a controller of this rate."""
         hardware = self._hardware_interfaces
         return ControllerInterfaceParams(
             controller_name=controller.name,
@@ -610,7 +610,7 @@ def report_motionless(
     moving: Mapping[str, Collection[str]],
     report: LoadReport,
 ) -> None:
-    """Record the controllers whose commands move nothing where there is no physics."""
+    """Record the controllers whose commands move nothing without physics."""
     for controller in controllers:
         system = controller.system
         claims = () if system is None else system.command_interfaces

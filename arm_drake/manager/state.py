@@ -29,7 +29,7 @@ class ControllerFailure:
 
 @dataclass(frozen=True)
 class CommandLimited:
-    """Event: a command went beyond a limit of its joint, told once a joint."""
+    """Event: a command went beyond a limit of its joint, reported once a joint."""
 
     joint: str
 

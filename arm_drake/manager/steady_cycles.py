@@ -220,7 +220,7 @@ class SteadyCycles:
         return cls(base, found, drive, active)
 
     def report(self, time_ns: int, last_ns: int, motions: Array) -> Self | None:
-        """Return the cycles that go on, in which all is told; None if they end."""
+        """Return the cycles that go on after due reports; None if they end."""
         ticks, controllers = dict(self.base.ticks), list(self._controllers)
         for i, (name, system, steady, at, part) in enumerate(self._controllers):
             if time_ns >= steady.monitor_ns:
@@ -312,14 +312,14 @@ class SteadyCycles:
         self._limit_ahead()
 
     def _limit_ahead(self) -> None:
-        """Let cycles be looked up until somebody has to tell something."""
+        """End the cycles computed ahead where a report is due."""
         if self._ahead is not None:
             until_ns = min(self.until_ns, self.monitor_ns)
             end = bisect_left(self._ahead.times_ns, until_ns)
             self._end_ahead = self._ahead.first + end
 
     def is_known(self, number: int) -> bool:
-        """Return whether a cycle may be computed ahead, and nobody has to tell more."""
+        """Return whether a cycle may be computed ahead, and no report is due."""
         return number < self._end_ahead
 
     def find(self, number: int, numbers: Array) -> Array | None:

@@ -17,7 +17,7 @@ from arm_drake.importing import dataclass
 
 @dataclass(frozen=True)
 class ControllerInfo:
-    """What the manager has to know of a controller to switch it."""
+    """Data of a controller for the manager's switches."""
 
     name: str
 
@@ -182,7 +182,7 @@ def _predecessors(controllers: Mapping[str, ControllerInfo]) -> dict[str, list[s
 
 @dataclass(frozen=True)
 class SwitchPlan:
-    """What a switch does."""
+    """Plan of a switch."""
 
     # Controllers to activate, followers before their predecessors, and to deactivate,
     # predecessors before their followers; one that is in both restarts.
@@ -209,7 +209,7 @@ def plan_switch(
     strict: bool,
     is_humble: bool = False,
 ) -> SwitchPlan:
-    """Return what happens if a switch of controllers is asked for.
+    """Return the plan of a requested switch of controllers.
 
     Strict: if there is any problem, nothing happens, and the result isn't ok.
 

@@ -46,7 +46,7 @@ _PATIENCE, _STREAM = 5.0, 0.01
 
 
 class Handle(Protocol):
-    """What sends to a controller: a ControllerHandle."""
+    """Sender to a controller: a ControllerHandle."""
 
     def command(self, values: Sequence[float]) -> None:
         """Send commands."""
@@ -62,7 +62,7 @@ class Handle(Protocol):
 
 
 class Runner(Running, Protocol):
-    """What runs a diagram with robots and their controllers: a Simulation."""
+    """Simulator of a diagram with robots and their controllers: a Simulation."""
 
     @property
     def time(self) -> float:
@@ -91,7 +91,7 @@ def is_positive(value: Any) -> bool:
 
 
 def read_options(kind: type[T], action: str, options: Mapping[str, Any]) -> T:
-    """Return options of an action given by name, or raise InputError."""
+    """Return the options of an action, or raise InputError."""
     names = [field.name for field in dc.fields(kind)]  # type: ignore[arg-type]
     for name in options:
         if name not in names:

@@ -80,7 +80,7 @@ _RELEASE = 6e-3
 
 @dataclass(frozen=True, kw_only=True)
 class PickOptions:
-    """How to pick and place: what may be given to `pick` and `place` by name."""
+    """Options of picking and placing: keyword arguments of `pick` and `place`."""
 
     # Which robot of the simulation, and which of its arms; None is the first.
     robot: str | None = None
@@ -153,7 +153,7 @@ class PickOptions:
 
 
 class Place(NamedTuple):
-    """Where a thing is to be placed, and whether it may be turned there."""
+    """Goal pose of a thing, and whether it may be turned there."""
 
     X_WG: RigidTransform
     turns: bool
@@ -192,7 +192,7 @@ class Hand:
     """A robot's arm with its gripper, and what it can do."""
 
     def __init__(self, simulation: Runner, options: PickOptions) -> None:
-        """Take a robot's arm, or raise InputError if there is none with a gripper."""
+        """Take a robot's arm, or raise InputError if none has a gripper."""
         self.simulation, self.options = simulation, options
         self.robot, prefix = choose_robot(simulation, options.robot)
         self.gripper: Gripper = find_gripper(self.robot, options.group)
@@ -209,7 +209,7 @@ class Hand:
         self.seen = options.seen
 
     def _find_mask(self) -> tuple[bool, ...]:
-        """Return what of a pose the arm is asked for: with few joints one turn less.
+        """Return the axes of a pose that the arm keeps: with few joints one turn less.
 
         Four hold the gripper in the plane of the arm, and so say how it is turned about
         its approach. Five tilt it in that plane; faces stay on the fingers if that is
@@ -299,7 +299,7 @@ class Hand:
     def choose(
         self, thing: str, tried: Sequence[Grasp]
     ) -> tuple[Grasp, Mapping[str, float]] | str:
-        """Return the best new grasp and where it begins, or why there is none.
+        """Return the best new grasp and where it begins, or why none is found.
 
         The arm gets there on a straight line, lifts the thing, and does so at its goal.
         """
@@ -588,7 +588,7 @@ class Hand:
     def move_gripper(
         self, closed: float, stage: str, *, needs_stall: bool = False
     ) -> Activity[None]:
-        """Move the fingers, 0 is open and 1 closed, until they are there or stall."""
+        """Move the fingers, 0 is open and 1 closed, until they arrive or stall."""
         simulation, gripper = self.simulation, self.gripper
         goal = gripper.positions(closed)
         start = self._positions()

@@ -67,7 +67,7 @@ class Attempt(NamedTuple):
 
 @dataclass(frozen=True)
 class PickResult:
-    """What became of picking a thing."""
+    """Result of picking a thing."""
 
     # The name of the thing.
     thing: str
@@ -89,7 +89,7 @@ class PickResult:
     duration: float = 0.0
 
     def __bool__(self) -> bool:
-        """Whether the thing is held."""
+        """Return whether the thing is held."""
         return self.success
 
     def describe(self) -> str:
@@ -108,7 +108,7 @@ class PickResult:
 
 @dataclass(frozen=True)
 class PlaceResult:
-    """What became of placing a thing."""
+    """Result of placing a thing."""
 
     # The name of the thing, if any was held.
     thing: str
@@ -133,7 +133,7 @@ class PlaceResult:
     duration: float = 0.0
 
     def __bool__(self) -> bool:
-        """Whether the thing was placed."""
+        """Return whether the thing was placed."""
         return self.success
 
     def describe(self) -> str:
@@ -391,7 +391,7 @@ def _place(hand: "Hand", target: Place) -> Activity[PlaceResult]:
 def _carry(
     hand: "Hand", thing: str, goal: RigidTransform
 ) -> Activity[tuple[float, float]]:
-    """Carry a thing to its goal and put it down there, or raise Failure.
+    """Carry a thing to its goal and put it down, or raise Failure.
 
     Returns by how much it moved in the fingers on the way [m], [rad].
     """

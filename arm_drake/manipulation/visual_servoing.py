@@ -54,7 +54,7 @@ _SPEED = 1.0
 
 
 class Observer(Runner, Protocol):
-    """A simulation that tells where links are."""
+    """A simulation that returns the poses of links."""
 
     def link_poses(self, robot: str | None = None) -> dict[str, RigidTransform]:
         """Return the poses of links in the world."""
@@ -62,7 +62,7 @@ class Observer(Runner, Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class FollowOptions:
-    """How to follow: what may be given to `follow` by name."""
+    """Options of following: keyword arguments of `follow`."""
 
     # Which robot of the simulation; None is the first.
     robot: str | None = None
@@ -103,7 +103,7 @@ class FollowOptions:
 
 @dataclass(frozen=True)
 class FollowResult:
-    """What became of following a thing."""
+    """Result of following a thing."""
 
     # The name of the thing.
     thing: str
@@ -127,7 +127,7 @@ class FollowResult:
     lost: tuple[tuple[float, float], ...] = ()
 
     def __bool__(self) -> bool:
-        """Whether it is seen in the end, at the distance that was asked for."""
+        """Return whether it is seen in the end, at the requested distance."""
         return self.success
 
     def describe(self) -> str:
@@ -152,7 +152,7 @@ class FollowResult:
 
 
 class Feature(NamedTuple):
-    """What is seen of a thing."""
+    """Seen feature of a thing."""
 
     # Its middle in the picture, to the right and down, as tangents of angles.
     x: float

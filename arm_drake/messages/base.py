@@ -359,7 +359,7 @@ _MAKE, _MADE = "_make", "_made"
 
 
 def make_lazy(kind: type[M], make: Callable[[], M]) -> M:
-    """Return a message that is made when one of its fields is asked for, once.
+    """Return a message that is made when one of its fields is first read, once.
 
     It is one of its kind in all respects: it equals the message that is made, and
     `dataclasses.replace` and `pickle` make ordinary ones of it. A subscriber evaluates

@@ -166,7 +166,7 @@ class SwitchController(Message):
 
 @dataclass(frozen=True)
 class SwitchControllerResult(Message):
-    """What became of a SwitchController request."""
+    """Result of a SwitchController request."""
 
     request: SwitchController
     ok: bool
@@ -190,7 +190,7 @@ class Float64(Message):
 
 @dataclass(frozen=True, eq=False)
 class Float32(Float64):
-    """A number (`std_msgs`), kept with the digits that it is given."""
+    """A number (`std_msgs`), kept with its own digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,7 +208,7 @@ class Bool(Message):
 
 @dataclass(frozen=True)
 class GripperCommand(Message):
-    """Where a gripper is to go (`control_msgs/GripperCommand`)."""
+    """Target of a gripper (`control_msgs/GripperCommand`)."""
 
     # [rad] or [m].
     position: float = 0.0
@@ -298,7 +298,7 @@ class String(Message):
 
 @dataclass(frozen=True)
 class AdmittanceControllerState(Message):
-    """How an AdmittanceController gives way (`control_msgs`).
+    """State of an AdmittanceController (`control_msgs`).
 
     What is given for six axes is along, then about x, y and z of the control frame.
     """
@@ -349,7 +349,7 @@ class MecanumDriveControllerState(Message):
 
 @dataclass(frozen=True)
 class SteeringControllerStatus(Message):
-    """What a steering controller measures and commands (`control_msgs`).
+    """Measurements and commands of a steering controller (`control_msgs`).
 
     Of two wheels the right one comes first.
     """
@@ -372,7 +372,7 @@ class SteeringControllerStatus(Message):
 
 @dataclass(frozen=True)
 class AckermannDrive(Message):
-    """How a steered base is to drive (`ackermann_msgs`)."""
+    """Motion command of a steered base (`ackermann_msgs`)."""
 
     # [rad], and its rate of change [rad/s].
     steering_angle: float = 0.0

@@ -138,7 +138,7 @@ class PoseStamped(Message):
 
 @dataclass(frozen=True)
 class Transform(Message):
-    """Where a frame stands in another one."""
+    """Pose of a frame in another one."""
 
     # [m].
     translation: Vector3 = Vector3()
@@ -148,7 +148,7 @@ class Transform(Message):
 
 @dataclass(frozen=True)
 class TransformStamped(Message):
-    """Where a frame stands in the frame of the header, as of a time."""
+    """Pose of a frame in the frame of the header, as of a time."""
 
     header: Header = Header()
     child_frame_id: str = ""
@@ -157,7 +157,7 @@ class TransformStamped(Message):
 
 @dataclass(frozen=True)
 class TFMessage(Message):
-    """Where frames stand (`tf2_msgs`)."""
+    """Poses of frames (`tf2_msgs`)."""
 
     transforms: tuple[TransformStamped, ...] = ()
 
@@ -213,7 +213,7 @@ class TwistWithCovariance(Message):
 
 @dataclass(frozen=True)
 class Odometry(Message):
-    """Where a base takes itself to be (`nav_msgs`)."""
+    """Estimated pose and velocity of a base (`nav_msgs`)."""
 
     header: Header = Header()
 

@@ -40,7 +40,7 @@ _UPRIGHT: Final = Quaternion()
 
 @dataclass(frozen=True)
 class Imu(Message):
-    """What an inertial measurement unit measures (`sensor_msgs`)."""
+    """Measurement of an inertial measurement unit (`sensor_msgs`)."""
 
     header: Header = Header()
 
@@ -90,7 +90,7 @@ class Range(Message):
 
 @dataclass(frozen=True)
 class NavSatStatus(Message):
-    """How good a satellite fix is (`sensor_msgs`)."""
+    """Quality of a satellite fix (`sensor_msgs`)."""
 
     # -2 is unknown, -1 no fix, 0 a fix, 1 one with satellite-based and 2 one with
     # ground-based augmentation.
@@ -206,7 +206,7 @@ def to_code(value: float, unknown: int) -> int:
 
 @dataclass(frozen=True)
 class VDA5050SafetyState(Message):
-    """What the standard VDA 5050 calls the safety state (`control_msgs`)."""
+    """Safety state of the standard VDA 5050 (`control_msgs`)."""
 
     # "none", "manual", "remote" or "autoAck": how an emergency stop has to be ended.
     e_stop: str = "none"
@@ -220,7 +220,7 @@ _NOTHING: Final = Wrench()
 
 @dataclass(frozen=True)
 class ContactState(Message):
-    """Where two shapes touch, and with which forces on the first one."""
+    """Contact of two shapes, and the forces on the first one."""
 
     # In words.
     info: str = ""
@@ -303,7 +303,7 @@ class CompressedImage(Message):
 
 @dataclass(frozen=True)
 class CameraInfo(Message):
-    """How a camera projects (`sensor_msgs`), in its optical frame: z ahead, y down."""
+    """Projection of a camera (`sensor_msgs`), in its optical frame: z ahead, y down."""
 
     _ros_package: ClassVar[str] = "sensor_msgs"
 

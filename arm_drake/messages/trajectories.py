@@ -113,7 +113,7 @@ class JointTrajectory(Message):
 
 @dataclass(frozen=True)
 class JointTolerance(Message):
-    """How far a joint may be off: 0 takes the controller's default, -1 means any."""
+    """Tolerance of a joint: 0 takes the controller's default, -1 means any."""
 
     name: str = ""
 
@@ -193,7 +193,7 @@ class FollowJointTrajectoryFeedback(Message):
 
 @dataclass(frozen=True)
 class JointTrajectoryControllerState(Message):
-    """What a trajectory controller is doing (`control_msgs`, same name)."""
+    """State of a trajectory controller (`control_msgs`, same name)."""
 
     header: Header = Header()
     joint_names: tuple[str, ...] = ()
@@ -206,7 +206,7 @@ class JointTrajectoryControllerState(Message):
 
 @dataclass(frozen=True, eq=False)
 class SpeedScalingFactor(Message):
-    """How fast time is to pass along trajectories; 0 pauses (`control_msgs`)."""
+    """Scaling factor of time along trajectories; 0 pauses (`control_msgs`)."""
 
     _ros_package: ClassVar[str] = "control_msgs"
 
@@ -259,7 +259,7 @@ class GoalStatus(enum.Enum):
 
 
 class ActionRequest(Message):
-    """What a client asks on an action port. Each request is one of its own."""
+    """Request of a client on an action port. Each request is one of its own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,7 +291,7 @@ class CancelGoal(ActionRequest):
 
 @dataclass(frozen=True, eq=False)
 class CancelResponse(Message):
-    """Whether a controller takes a CancelGoal; a GoalEvent tells how the goal ends."""
+    """Response of a controller to a CancelGoal; a GoalEvent has the goal's end."""
 
     request: CancelGoal
     accepted: bool

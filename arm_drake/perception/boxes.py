@@ -47,7 +47,7 @@ _LEAST_ON_FACE: Final = 10
 
 @dataclass(frozen=True)
 class FoundBox:
-    """What was found of a box in a point cloud, or why it wasn't."""
+    """Box found in a point cloud, or why none was found."""
 
     # Whether there is one, with pose and size.
     success: bool
@@ -75,7 +75,7 @@ class FoundBox:
     others: tuple["FoundBox", ...] = ()
 
     def __bool__(self) -> bool:
-        """Whether there is one."""
+        """Return whether a box was found."""
         return self.success
 
 
@@ -88,7 +88,7 @@ class _Plane(NamedTuple):
 
 
 class _Settings(NamedTuple):
-    """What `find_box` was given, checked."""
+    """Checked arguments of `find_box`."""
 
     up: Array | None
     noise: float
@@ -110,7 +110,7 @@ def find_box(
     least: int = 50,
     seed: int = 0,
 ) -> FoundBox:
-    """Return the box that stands on a plane in a point cloud, or why there is none.
+    """Return the box that stands on a plane in a point cloud, or why none is found.
 
     Planes are found by RANSAC; what is above one and hangs together is taken for a box
     if it stands on the plane and its points lie on faces of one. Of several boxes it is
@@ -287,7 +287,7 @@ def _refine(
 def _boxes_on(
     cloud: Array, plane: _Plane, settings: _Settings
 ) -> tuple[list[FoundBox], list[str]]:
-    """Return the boxes on a plane, and what else is there."""
+    """Return the boxes on a plane, and problems of the others."""
     heights = cloud @ plane.normal - plane.distance
     # What is nearer can't be told from the plane: of its many points some are off by
     # more than those that are on it, and three beside a small box make it a larger one.

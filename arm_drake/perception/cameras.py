@@ -126,7 +126,7 @@ def _classic_topics(camera: CameraSensor, plugin: GazeboPlugin) -> dict[str, str
 
 
 class _Bent(NamedTuple):
-    """Where the pixels of a bent picture are in the one that is drawn."""
+    """Positions of a distorted picture's pixels in the one that is drawn."""
 
     # Pixel up and left of each, in a picture made flat, and that next to it.
     corners: NDArray[np.int64]
@@ -141,7 +141,7 @@ class _Bent(NamedTuple):
 
 
 class Lens:
-    """Where the pixels of a camera look, and what is drawn for it."""
+    """Directions of a camera's pixels, and the picture that is drawn for it."""
 
     def __init__(self, sensor: CameraSensor) -> None:
         """Reckon it once."""
@@ -362,7 +362,7 @@ class Camera(SensorSystem):
 
     @property
     def _makers(self) -> Mapping[str, tuple[type[Message], Any]]:
-        """What makes the messages of topics."""
+        """Functions that make the messages of topics."""
         encoding = self.sensor.depth_encoding
 
         def image(kind: str, encoding: str) -> Any:
@@ -385,7 +385,7 @@ class Camera(SensorSystem):
 
     @cached_property
     def info(self) -> CameraInfo:
-        """How it projects, without a header."""
+        """Projection of the camera, without a header."""
         sensor = self.sensor
         fx, fy, cx, cy = sensor.projection
         return CameraInfo(
@@ -398,7 +398,7 @@ class Camera(SensorSystem):
 
     @cached_property
     def lens(self) -> Lens:
-        """What bends its pictures, and where its pixels look."""
+        """Distortion of its pictures, and directions of its pixels."""
         return Lens(self.sensor)
 
     def _core(self, nearer: float = 1.0) -> RenderCameraCore:
@@ -502,7 +502,7 @@ def _limit(depths: Array, limits: tuple[float, float]) -> Array:
 
 
 class CameraHandle(SensorHandle[Camera]):
-    """What a camera sees now; `Simulation.camera` makes it."""
+    """Present pictures of a camera; `Simulation.camera` makes it."""
 
     @property
     def sensor(self) -> CameraSensor:
@@ -511,7 +511,7 @@ class CameraHandle(SensorHandle[Camera]):
 
     @property
     def info(self) -> CameraInfo:
-        """How it projects."""
+        """Projection of the camera."""
         return self._system.info
 
     def color(self) -> NDArray[np.uint8]:

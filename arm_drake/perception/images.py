@@ -172,7 +172,7 @@ def _make_palette() -> NDArray[np.uint8]:
 
 
 def to_millimetres(depths: NDArray[Any]) -> NDArray[np.uint16]:
-    """Return whole depths [mm], 0 where they can't be told, from depths [m]."""
+    """Return whole depths [mm], 0 where out of range, from depths [m]."""
     known = (depths > 0.0) & (depths <= 65.535)
     whole = np.where(known, depths, 0.0).astype(np.float64) / 0.001
     # As RealSense's plugin has them, which cuts off what is less.

@@ -222,7 +222,7 @@ class RayScene:
 
 
 class _SlowScene:
-    """What Embree does, in its words: each ray is tried with each triangle.
+    """Replacement of Embree, with its interface: each ray is tried with each triangle.
 
     Source: Moller and Trumbore, "Fast, minimum storage ray/triangle intersection",
     1997.
@@ -367,7 +367,7 @@ class Lidar(SensorSystem):
 
     @property
     def _makers(self) -> Mapping[str, tuple[type[Message], Any]]:
-        """What makes the messages of topics."""
+        """Functions that make the messages of topics."""
         return {
             "scan": (LaserScan, self._make_scan),
             "points": (PointCloud2, self._make_points),
@@ -470,7 +470,7 @@ class Lidar(SensorSystem):
 
 
 class LidarHandle(SensorHandle[Lidar]):
-    """What a lidar measures now; `Simulation.lidar` makes it."""
+    """Present measurement of a lidar; `Simulation.lidar` makes it."""
 
     @property
     def sensor(self) -> LidarSensor:

@@ -174,7 +174,7 @@ class Scenery:
         return found
 
     def mark(self, query: QueryObject, marks: Sequence[Mark]) -> None:
-        """Have marks seen, in place of those of before."""
+        """Show marks, in place of those of before."""
         loaded = self._load(query)
         scene_graph, context = loaded.scene_graph, loaded.context
         for old in self._marks:

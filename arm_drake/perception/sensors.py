@@ -50,7 +50,7 @@ _ROUNDED: Final = 1e-9
 
 
 class Place(NamedTuple):
-    """Where a sensor is, and what it is called by others."""
+    """Place of a sensor, and names used by others."""
 
     # Names of the robot's model in Gazebo, of that in the plant, and of the world.
     robot: str
@@ -65,7 +65,7 @@ class Place(NamedTuple):
 
 
 class SensorParams(NamedTuple):
-    """What topics want to know of who publishes them."""
+    """Data of a publisher for its topics."""
 
     controller_name: str
 
@@ -123,7 +123,7 @@ class SensorSystem(PythonSystem):
     @property
     @abc.abstractmethod
     def _makers(self) -> Mapping[str, tuple[type[Message], Any]]:
-        """What makes the messages of topics, by what is on them."""
+        """Functions that make the messages of topics, by their content."""
 
     def _declare_topics(self) -> None:
         for number, (key, topic) in enumerate(self.topics.items(), start=1):
@@ -190,7 +190,7 @@ _Sensor = TypeVar("_Sensor", bound=SensorSystem)
 
 
 class SensorHandle(Generic[_Sensor]):
-    """What a sensor measures now."""
+    """Present measurement of a sensor."""
 
     def __init__(self, system: _Sensor, find_context: Callable[[], Context]) -> None:
         """Create it; the function returns the diagram's context, as it is then."""
@@ -256,7 +256,7 @@ SENSORS: Final[Mapping[type[PerceptionSensor], str]] = {
 
 
 class _Sampled(NamedTuple):
-    """What was told at a time, and what was before: a copy is the thing itself."""
+    """Messages of a time, and those before: a copy is the thing itself."""
 
     time: float
     messages: tuple[Message, ...]
@@ -333,7 +333,7 @@ class SensorLog(PythonSystem):
         return dict(zip(self._names, map(tuple, columns), strict=True))
 
     def forget_before(self, root: Context, time: float) -> None:
-        """Forget what was told before a time [s]."""
+        """Forget the messages before a time [s]."""
         kept, later = self._newest(root), []
         while kept is not None and kept.time >= time:
             later.append(kept)

@@ -83,7 +83,7 @@ _SAME_PLACE = 1e-6
 
 
 class CollisionModel:
-    """What can collide when some joints of a robot move."""
+    """Collision model of a robot and its world, when some joints move."""
 
     def __init__(
         self,
@@ -189,7 +189,7 @@ class CollisionModel:
 
     @property
     def count_around(self) -> int:
-        """How many shapes of the world may be within reach."""
+        """Number of shapes of the world that may be within reach."""
         return self.count - sum(
             len(part.shapes) for part in self._parts if part.distance > self._reach
         )
@@ -259,13 +259,13 @@ class CollisionModel:
         return self._offset + self._E_own @ x
 
     def is_free(self, x: np.ndarray) -> bool:
-        """Whether nothing collides at values of the planned joints."""
+        """Return whether nothing collides at values of the planned joints."""
         if not self._is_free(self.configuration(x)):
             return False
         return all(each.is_free(x) for each in self._around(self._padding))
 
     def _is_free(self, q: np.ndarray) -> bool:
-        """Whether nothing collides at positions, by the model's checker.
+        """Return whether nothing collides at positions, by the model's checker.
 
         Whether shapes overlap is seen sooner than how far: for a robot of many shapes
         that is a fifth of the time.
@@ -279,7 +279,7 @@ class CollisionModel:
         return bool(self.checker.CheckConfigCollisionFree(q))
 
     def is_edge_free(self, x: np.ndarray, y: np.ndarray, step: float) -> bool:
-        """Whether nothing collides on a line, checked where links move by steps [m].
+        """Return whether a line is free, checked where links move by steps [m].
 
         The end is checked first, then the middle, and so on: what isn't free is seen
         soon.
@@ -287,7 +287,7 @@ class CollisionModel:
         return self.is_free(y) and self.is_inside_free(x, y, step) and self.is_free(x)
 
     def is_inside_free(self, x: np.ndarray, y: np.ndarray, step: float) -> bool:
-        """Whether nothing collides on a line, as `is_edge_free`, but for its ends."""
+        """Return whether a line is free, as `is_edge_free`, but for its ends."""
         p, q = self.configuration(x), self.configuration(y)
         count = math.ceil(float(self._weights @ np.abs(q - p)) / step)
         check, pq = self.checker.CheckConfigCollisionFree, q - p
@@ -346,7 +346,7 @@ class CollisionModel:
 
     @property
     def largest_weight(self) -> float:
-        """How far a shape moves at most where the planned joints move by 1 [m]."""
+        """Largest motion of a shape where the planned joints move by 1 [m]."""
         return float(np.linalg.norm(self._weights[self._own]))
 
     @property
@@ -398,7 +398,7 @@ class CollisionModel:
             self.checker.SetPaddingBetween(body, world, padding)
 
     def is_free_somehow(self, x: np.ndarray) -> bool:
-        """Whether nothing collides, if need be without the padding of some links.
+        """Return whether nothing collides, if need be without padding of some links.
 
         They are those that are always closer to the world, wherever joints are, as a
         turntable is above its ground. Until `pad` they have no padding then.
@@ -630,7 +630,7 @@ def _reach(shape: Shape, pose: RigidTransform) -> float:
 
 
 def _differ(one: Sequence[PlacedShape], other: Sequence[PlacedShape]) -> bool:
-    """Whether shapes are others, or elsewhere."""
+    """Return whether shapes are others, or elsewhere."""
     if len(one) != len(other):
         return True
     return any(
@@ -685,7 +685,7 @@ def collision_model(
 
 
 def _identity(world: World) -> object:
-    """Return what tells worlds apart, and a file from what it was before."""
+    """Return a key of a world, which changes with its file."""
     if isinstance(world, str | Path):
         file = Path(world).expanduser()
         return world, file.stat().st_mtime_ns if file.is_file() else 0

@@ -120,7 +120,7 @@ def find_grasps(
 
 
 def explain_no_grasp(gripper: Gripper, shape: GraspedShape) -> str:
-    """Return why there is no grasp of a shape, in words."""
+    """Return why a shape can't be grasped, in words."""
     widths = [pair.width for pair in _pairs(shape, _corners(shape))]
     low, high = gripper.stroke
     if not widths:

@@ -484,7 +484,7 @@ _Face: TypeAlias = Mapping[tuple[int, int], tuple[float, str]]
 
 
 class _Facing(NamedTuple):
-    """Where two fingers face each other, seen along an axis."""
+    """Facing parts of two fingers, seen along an axis."""
 
     axis: np.ndarray
 

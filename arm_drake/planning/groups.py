@@ -167,7 +167,7 @@ def read_rows(
 
 
 def report_invalid(robot: Robot, file: Path, where: str, what: str) -> None:
-    """Say in a robot's load report what of MoveIt's files can't be used."""
+    """Report unusable parts of MoveIt's files in a robot's load report."""
     done = "it has no effect on plans"
     robot.report.add("warning", "invalid", what, done, where=where, file=file)
 
@@ -175,7 +175,7 @@ def report_invalid(robot: Robot, file: Path, where: str, what: str) -> None:
 def report_ignored(
     robot: Robot, file: Path, where: str, keys: Collection[object]
 ) -> None:
-    """Say in a robot's load report which keys of MoveIt's files have no effect."""
+    """Report keys of MoveIt's files without effect in a robot's load report."""
     if keys:
         what = f"parameters {quoted(sorted(map(str, keys)))}"
         done = "they have no effect on plans"

@@ -291,7 +291,7 @@ def follow_line(
 
 
 class _End(NamedTuple):
-    """Where a try ended."""
+    """Final values and errors of a try."""
 
     values: np.ndarray
     error: float
@@ -331,7 +331,7 @@ class _Target(NamedTuple):
         )
 
     def is_met(self, end: _End) -> bool:
-        """Whether a try ended at the pose."""
+        """Return whether a try ended at the pose."""
         return (
             end.position_error <= self.tolerance[0]
             and end.orientation_error <= self.tolerance[1]

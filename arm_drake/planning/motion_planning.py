@@ -347,7 +347,7 @@ class _Leg(NamedTuple):
 
 
 class _Problem(NamedTuple):
-    """What is planned for."""
+    """Planning problem."""
 
     robot: Robot
     group: PlanningGroup
@@ -362,7 +362,7 @@ class _Problem(NamedTuple):
 
     @property
     def start(self) -> np.ndarray:
-        """Where the group's joints are at first."""
+        """Start positions of the group's joints."""
         return np.array([self.positions[name] for name in self.group.joints])
 
     def named(self, x: np.ndarray) -> dict[str, float]:
@@ -380,7 +380,7 @@ class _Problem(NamedTuple):
 
     @property
     def mask(self) -> Sequence[bool]:
-        """What of poses counts."""
+        """Constrained axes of poses."""
         return find_mask(self.group, self.options.mask)
 
     @property
@@ -446,7 +446,7 @@ class _Problem(NamedTuple):
         return words
 
     def is_edge_allowed(self, x: np.ndarray, y: np.ndarray, step: float) -> bool:
-        """Whether a line is free, checked at steps, and stays in the cone."""
+        """Return whether a line is free, checked at steps, and stays in the cone."""
         if not self.model.is_edge_free(x, y, step):
             return False
         return self.tilt is None or self.tilt.first_exit(np.array([x, y])) is None
@@ -548,7 +548,7 @@ def _find_goals(
 def _find_positions(
     problem: _Problem, start: np.ndarray, target: str | Mapping[str, float]
 ) -> np.ndarray:
-    """Return the joint positions of a state, or those given in place of the start's."""
+    """Return the joint positions of a state, or the start's with those of a mapping."""
     joints = problem.group.joints
     positions = find_state(problem.group, target) if isinstance(target, str) else target
     if not positions:

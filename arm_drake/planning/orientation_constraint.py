@@ -75,7 +75,7 @@ def _read_direction(name: str, value: object) -> tuple[float, float, float]:
 
 
 class Tilt(NamedTuple):
-    """How far a link's axis is from its direction, by values of the planned joints."""
+    """Angle between a link's axis and its direction, by the planned joints' values."""
 
     model: CollisionModel
     link: str
@@ -108,7 +108,7 @@ class Tilt(NamedTuple):
         return -(normal / length) @ J
 
     def is_met(self, x: np.ndarray) -> bool:
-        """Whether the axis is in the cone."""
+        """Return whether the axis is in the cone."""
         return self.angle(x) <= self.most + _ROUNDING
 
     def describe(self, x: np.ndarray) -> str:
@@ -127,7 +127,7 @@ class Tilt(NamedTuple):
         return None if len(path) > 1 or self.is_met(path[0]) else 0
 
     def _keeps(self, x: np.ndarray, y: np.ndarray, one: float, two: float) -> bool:
-        """Whether a line stays in the cone; the angles are those of its ends."""
+        """Return whether a line stays in the cone; the angles are those of its ends."""
         # An axis turns by no more than all joints together.
         length = float(np.sum(np.abs(y - x)))
         if 0.5 * (one + two + length) <= self.most:
@@ -146,7 +146,7 @@ class Tilt(NamedTuple):
         error: Callable[[np.ndarray], np.ndarray],
         bounds: tuple[np.ndarray, np.ndarray],
     ) -> np.ndarray | None:
-        """Return values nearby in the cone where an error is none, if there are any."""
+        """Return values nearby in the cone where an error is zero, or None."""
         from scipy.optimize import least_squares
 
         def residual(values: np.ndarray) -> np.ndarray:

@@ -41,7 +41,7 @@ _LONGEST_STEP = 0.1
 
 
 class _Memory:
-    """What Drake was asked already: OMPL checks both ends of an edge, and edges, anew.
+    """Cached collision checks: OMPL checks both ends of an edge, and edges, anew.
 
     Trees grow from states that are free, and of a way with few corners the same two are
     joined time and again.
@@ -54,14 +54,14 @@ class _Memory:
         self._edges: dict[tuple[bytes, bytes], bool] = {}
 
     def is_free(self, x: np.ndarray) -> bool:
-        """Whether nothing collides at joint positions."""
+        """Return whether nothing collides at joint positions."""
         key = x.tobytes()
         if key not in self._free:
             self._free[key] = self._model.is_free(x)
         return self._free[key]
 
     def is_edge_free(self, x: np.ndarray, y: np.ndarray) -> bool:
-        """Whether nothing collides on a line."""
+        """Return whether nothing collides on a line."""
         one, other = x.tobytes(), y.tobytes()
         if (one, other) not in self._edges:
             # The start is the last to be looked at, but for what is known of it.
@@ -75,7 +75,7 @@ class _Memory:
 
 
 class _EdgeChecker(base.MotionValidator):
-    """Has Drake check whole edges."""
+    """Checks whole edges by Drake."""
 
     def __init__(self, space: base.SpaceInformation, memory: _Memory) -> None:
         super().__init__(space)
@@ -83,7 +83,7 @@ class _EdgeChecker(base.MotionValidator):
         self._size = space.getStateDimension()
 
     def checkMotion(self, one: base.State, other: base.State) -> bool:
-        """Whether nothing collides between two states."""
+        """Return whether nothing collides between two states."""
         x, y = _values(one, self._size), _values(other, self._size)
         return self._memory.is_edge_free(x, y)
 
@@ -228,7 +228,7 @@ def _is_allowed(
     bounds: tuple[np.ndarray, np.ndarray],
     x: np.ndarray,
 ) -> bool:
-    """Whether a step of a search in a cone is in it, within limits and free."""
+    """Return whether a step of a search in a cone is in it, within limits and free."""
     is_within = bool(np.all((bounds[0] <= x) & (x <= bounds[1])))
     return is_within and tilt.angle(x) <= tilt.most and model.is_free(x)
 

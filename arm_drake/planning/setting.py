@@ -48,7 +48,7 @@ _KINDS: Mapping[str, tuple[Any, str]] = {
 
 
 class PlanningError(ArmDrakeError):
-    """No plan was found, or what was asked for can't be planned.
+    """No plan was found, or the request can't be planned.
 
     Attributes:
         fraction: How much of a straight line is free, from 0 to 1.
@@ -61,7 +61,7 @@ class PlanningError(ArmDrakeError):
 
 
 class Running(Protocol):
-    """What runs a diagram with robots: a Simulation."""
+    """Simulator of a diagram with robots: a Simulation."""
 
     diagram: Diagram
 
@@ -79,7 +79,7 @@ class Running(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class PlanOptions:
-    """How to plan: what may be given to `plan` by name."""
+    """Options of planning: keyword arguments of `plan`."""
 
     # Which robot of a simulation; None is the first one.
     name: str | None = None

@@ -206,7 +206,7 @@ def show_standing(
 
 
 class PlanningScene(NamedTuple):
-    """What is around a robot of a diagram now."""
+    """Present surroundings of a robot of a diagram."""
 
     # What never moves.
     world: LoadedWorld

@@ -71,7 +71,7 @@ _SMALLEST, _UNLIMITED = 1e-6, 1e6
 
 
 class MotionLimits(NamedTuple):
-    """How fast a joint may be."""
+    """Limits of a joint's motion."""
 
     # [rad/s] or [m/s].
     velocity: float
@@ -84,7 +84,7 @@ class MotionLimits(NamedTuple):
 
 
 class _Limits(NamedTuple):
-    """What a robot's `joint_limits.yaml` and description say."""
+    """Limits in a robot's `joint_limits.yaml` and description."""
 
     joints: dict[str, MotionLimits]
 
@@ -183,7 +183,7 @@ class Samples(NamedTuple):
 
 
 class Mover(NamedTuple):
-    """What moves: joints of a robot, and what its links hold."""
+    """Moving joints of a robot, and the payloads of its links."""
 
     robot: Robot
     joints: tuple[str, ...]
@@ -195,7 +195,7 @@ class Mover(NamedTuple):
 
     @property
     def start(self) -> np.ndarray:
-        """Where the joints are at first."""
+        """Start positions of the joints."""
         return np.array([self.positions[name] for name in self.joints])
 
 
@@ -389,7 +389,7 @@ def _round(
 
 
 class _Drives(NamedTuple):
-    """What the drives of a group's joints move, and how strong they are."""
+    """Load of the drives of a group's joints, and their limits."""
 
     # A plant of the robot alone, with what its links hold.
     plant: MultibodyPlant

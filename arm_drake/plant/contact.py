@@ -173,7 +173,7 @@ Shape = tuple[int, int]
 
 
 class Overlaps(NamedTuple):
-    """What overlaps in the initial pose."""
+    """Overlaps in the initial pose."""
 
     # Of each robot, in words.
     robots: Mapping[ModelInstanceIndex, list[str]]

@@ -289,7 +289,7 @@ def find_shapes(
     bodies: Iterable[BodyIndex],
     name: str = "",
 ) -> list[RestingShape]:
-    """Return the collision shapes of bodies as they stand, of one name if given."""
+    """Return the collision shapes of bodies as they stand, or those of one name."""
     context, inspector = plant.CreateDefaultContext(), scene_graph.model_inspector()
     shapes = []
     for index in bodies:

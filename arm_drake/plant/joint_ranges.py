@@ -36,7 +36,7 @@ _FAR = 1e3
 
 @dataclass(frozen=True)
 class JointRange:
-    """Where a movable joint can be put."""
+    """Range of a movable joint's position."""
 
     name: str
 

@@ -97,7 +97,7 @@ class PlantKinematics:
 
 
 class KinematicPlant(PythonSystem):
-    """Tells where the links are, of joints that are where they are said to be.
+    """Computes the poses of links from the set positions of joints.
 
     .. pydrake_system::
 
@@ -224,7 +224,7 @@ class LinkFrames(PythonSystem):
 
 
 class BodyPoses(PythonSystem):
-    """Tells the pose of each of some bodies on a port of its own.
+    """Publishes the pose of each of some bodies on a port of its own.
 
     .. pydrake_system::
 

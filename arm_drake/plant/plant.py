@@ -220,7 +220,7 @@ def fuse_fixed_links(whole: MultibodyPlant) -> MultibodyPlant | None:
     fixed = {j.child_body().index(): j for j in joints if j.num_velocities() == 0}
 
     def find_owner(index: BodyIndex) -> tuple[BodyIndex, RigidTransform]:
-        """Return the body that a link is a part of, and its pose there."""
+        """Return the body that a link is a part of, and its pose in that body."""
         joint = fixed.get(index)
         if joint is None:
             return index, RigidTransform()

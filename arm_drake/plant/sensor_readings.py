@@ -112,7 +112,7 @@ class PlantPorts:
     ports: dict[str, tuple[InputPort, OutputPort]] = dc.field(default_factory=dict)
 
     def take(self, name: str) -> InputPort:
-        """Return the input port for something that the plant tells."""
+        """Return the input port for an output of the plant."""
         if name not in self.ports:
             source = self._source(name)
             if source.size():
@@ -134,7 +134,7 @@ class PlantPorts:
 
 
 class _Mount(NamedTuple):
-    """Where a sensor sits."""
+    """Mounting of a sensor."""
 
     # Index of its body.
     body: int
@@ -344,7 +344,7 @@ class SensorReadings(PythonSystem):
     def _find_motion(
         self, mount: _Mount
     ) -> Callable[[_Inputs], tuple[RotationMatrix, Array, Array]]:
-        """Return what tells how an IMU is turned, how fast, and what it feels.
+        """Return a function of an IMU's orientation, angular velocity and acceleration.
 
         Its angular velocity [rad/s] and acceleration less gravity [m/s^2] are in the
         world, shape (3,).
@@ -459,7 +459,7 @@ class _Touch(NamedTuple):
 
 
 class ContactReadings(PythonSystem):
-    """Tells what touches a robot.
+    """Publishes the contacts of a robot.
 
     .. pydrake_system::
 
@@ -611,7 +611,7 @@ def _normal(surface: ContactSurface) -> Array:
 def _state(
     touch: _Touch, sign: float, origin: Array
 ) -> tuple[tuple[Wrench], Wrench, tuple[Vector3], tuple[Vector3], tuple[float]]:
-    """Return a contact as one shape feels it, whose link has its origin there [m].
+    """Return a contact of a shape whose link has its origin at a point [m].
 
     The sign is -1 for the first shape, 1 for the second one.
     """

@@ -305,10 +305,10 @@ _TF_RATE = 50.0
 
 
 class RobotTopics:
-    """Tells the messages of one robot, part by part; nothing twice."""
+    """Messages of one robot, part by part; none is repeated."""
 
     def __init__(self) -> None:
-        """Create it, with nothing told."""
+        """Create it, before the first message."""
         self._last_ns = -1
         self._last_tf_ns = -NANOSECONDS
         self._static = self._active = ""
@@ -340,7 +340,7 @@ class RobotTopics:
             self._last_ns = int(times[new[-1]])
 
     def _sensor_messages(self, rollout: Rollout) -> Iterator[BagMessage]:
-        """Yield what cameras and lidars told."""
+        """Yield the messages of cameras and lidars."""
         for topic, messages in rollout.sensor_messages.items():
             for message in messages:
                 time_ns = message.header.stamp.to_nanoseconds()  # type: ignore[attr-defined]
@@ -460,7 +460,7 @@ class BagWriter:
     """Writes rollouts of one or several robots, part by part, into one file."""
 
     def __init__(self, path: Path) -> None:
-        """Create the file, in place of one that is there; it takes rosbags."""
+        """Create the file, replacing an existing one; it takes rosbags."""
         self._types = load_types()
         # It comes with rosbags.
         import zstandard
@@ -587,7 +587,7 @@ class _RobotMessages:
         self.rows = {time_ns: row for row, time_ns in enumerate(self.times_ns)}
 
     def of(self, topic: str) -> _Messages:
-        """Return the messages of a topic, none if it isn't there."""
+        """Return the messages of a topic, none if it is missing."""
         return self._topics.get(f"{self._prefix}{topic}", [])
 
     def texts(self, topic: str) -> list[str]:

@@ -19,7 +19,7 @@ _SAME_TIME = 0.6e-9
 
 @dataclass(frozen=True)
 class ColumnDifference:
-    """How far a quantity of two rollouts is apart, in its unit."""
+    """Difference of a quantity between two rollouts, in its unit."""
 
     # What it is, with its unit, such as "joint1 position [rad]".
     name: str
@@ -45,7 +45,7 @@ class ColumnDifference:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Where two rollouts, A and B, differ."""
+    """Differences between two rollouts, A and B."""
 
     columns: tuple[ColumnDifference, ...]
 

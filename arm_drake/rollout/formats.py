@@ -23,7 +23,7 @@ class PartWriter(Protocol):
     """Writes rollouts part by part; the file is complete after each of them."""
 
     def __init__(self, path: Path) -> None:
-        """Create the file, in place of one that is there."""
+        """Create the file, replacing an existing one."""
 
     def write(self, *rollouts: Any) -> None:
         """Write what is new of each robot."""

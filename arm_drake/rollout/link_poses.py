@@ -20,7 +20,7 @@ from arm_drake.errors import InputError, suggest
 
 
 class RecordedMotion(Protocol):
-    """What of a Rollout says where links were."""
+    """Parts of a Rollout that determine the poses of its links."""
 
     @property
     def time(self) -> Array:
@@ -40,7 +40,7 @@ class RecordedMotion(Protocol):
 
     @property
     def info(self) -> Mapping[str, Any]:
-        """What made it; the robot's pose is there."""
+        """Provenance of the rollout, with the robot's pose."""
 
     @property
     def description(self) -> str:
@@ -157,7 +157,7 @@ def _transform_of(joint: JointInfo) -> LinkTransform:
 
 
 def _moved(transform: LinkTransform, pose: Sequence[float]) -> LinkTransform:
-    """Return the pose of a link in the world, where the robot stands there."""
+    """Return the pose of a link in the world, with the robot at a pose."""
     if transform.parent != WORLD:
         return transform
     position, rotation = fixed_pose(pose)
@@ -210,7 +210,7 @@ def read_link_poses(rollout: RecordedMotion, link: str) -> Array:
 
 
 def find_tip(rollout: RecordedMotion) -> str:
-    """Return the link whose way tells most: the end effector, or a moving base.
+    """Return the link to trace: the end effector, or a moving base.
 
     It is at the end of the chain with the most joints that move by themselves. A hand
     with fingers counts as a whole, and of what is fixed there a frame that is called

@@ -48,7 +48,7 @@ class McapFile:
         compress: Callable[[bytes], bytes] = lambda data: data,
         compression: str = "",
     ) -> None:
-        """Create the file, in place of one that is there.
+        """Create the file, replacing an existing one.
 
         `compress` does so to the records of a chunk, `compression` is its MCAP name.
         """
@@ -109,14 +109,14 @@ class McapFile:
             self.flush()
 
     def flush(self) -> None:
-        """Write what there is; the file is complete then."""
+        """Write the pending messages; the file is complete then."""
         if self._records:
             chunk, start = self._take_chunk(), self._end
             self._end += len(chunk)
             self._put(start, chunk + self._make_end())
 
     def close(self) -> None:
-        """Write what there is with its summary, and close the file."""
+        """Write the pending messages with their summary, and close the file."""
         if not self._file.closed:
             self.flush()
             if self._summary_place < self._end:

@@ -89,7 +89,7 @@ class SentMessage:
 
 @dataclass(frozen=True)
 class ClientInput:
-    """What a program outside asked for while a simulation ran."""
+    """Request of an external client while a simulation ran."""
 
     # When it was done [s].
     time: float
@@ -115,7 +115,7 @@ class ClientInput:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What a controller wanted of its joints."""
+    """Reference of a controller for its joints."""
 
     # Joints, k of them.
     joint_names: tuple[str, ...]

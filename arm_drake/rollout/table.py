@@ -33,13 +33,13 @@ class TableWriter:
     """Writes the rows of a robot's rollouts, part by part."""
 
     def __init__(self, path: Path) -> None:
-        """Create the file, in place of one that is there."""
+        """Create the file, replacing an existing one."""
         self._file = path.open("w", encoding="utf-8", newline="")
         self._heads: list[str] = []
         self._last = -math.inf
 
     def write(self, *rollouts: Rollout) -> None:
-        """Write the rows of a single rollout that are new, so that they are there."""
+        """Write the new rows of a single rollout, and flush them."""
         (rollout,) = rollouts
         columns = rollout.columns()
         if not self._heads:

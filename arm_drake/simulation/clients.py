@@ -166,7 +166,7 @@ class ControllerHandle:
         return handle
 
     def send_velocity(self, twist: Twist, *, where: str = "") -> None:
-        """Tell a base how to move; controllers stop it when no more is heard.
+        """Send a velocity to a base; controllers stop it when no more is heard.
 
         Args:
             twist: Velocity in the frame of the base [m/s], [rad/s].
@@ -369,7 +369,7 @@ class TopicHandle:
             self._mailbox.publish(name, message, periods[name])
 
     def call(self, data: Any) -> Any:
-        """Ask for something and return the answer, where the name is a request's.
+        """Send a request and return its response, where the name is a request's.
 
         Args:
             data: The request, or a mapping of its fields.

@@ -136,7 +136,7 @@ class Directory:
     def address(
         self, request: SwitchController, robot: str | None
     ) -> tuple[ControllerManager, SwitchController]:
-        """Return whom a request is for, and a new one with the names known there.
+        """Return a request's manager, and a new request with the names known to it.
 
         Its names are those of this robot, without it those of `find`, or else of the
         first robot. If there is none, or it is no such request, it is an InputError.

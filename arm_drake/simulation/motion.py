@@ -38,7 +38,7 @@ StepMessage: TypeAlias = Message | None
 
 
 class TopicMessage(NamedTuple):
-    """What is sent to a topic, whose type only the robot knows."""
+    """Message to a topic, whose type only the robot knows."""
 
     # Name as in ROS or Gazebo.
     topic: str
@@ -55,7 +55,7 @@ class SetPayloads(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Task(Message):
-    """What a robot does once it rests, however long it takes."""
+    """Task of a robot that begins once it rests, however long it takes."""
 
     # Which robot; None is the first one.
     robot: str | None = None
@@ -88,7 +88,7 @@ class PickThing(Task):
 
 @dataclass(frozen=True, eq=False)
 class PlaceThing(Task):
-    """Where to put down what the gripper holds."""
+    """Goal pose of the held thing."""
 
     kind = "place"
 
@@ -106,7 +106,7 @@ class FollowThing(Task):
 
 
 class TaskResult(Protocol):
-    """What became of a pick, a place, or of following a thing."""
+    """Result of a pick, a place, or of following a thing."""
 
     # What it was about, and why it failed, or what else is to be said.
     thing: str
@@ -121,7 +121,7 @@ class TaskResult(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class TaskOutcome:
-    """What became of a task of a motion."""
+    """Result of a task of a motion."""
 
     task: Task
 
@@ -240,7 +240,7 @@ class Motion:
 
     @property
     def tasks(self) -> list[Task]:
-        """What robots do, however long it takes, in order."""
+        """Tasks of robots, however long they take, in order."""
         return [s.message for s in self.steps if isinstance(s.message, Task)]
 
     def timeline(self) -> Iterator[tuple[float, MotionStep]]:
@@ -284,7 +284,7 @@ def _speed_of(message: Sent) -> float | None:
 
 
 def _end(step: MotionStep, factors: Iterable[tuple[float, float]]) -> float:
-    """Return when a step is done [s], given its controller's changes of speed."""
+    """Return when a step is done [s], for its controller's changes of speed."""
     message = step.message
     if isinstance(message, TopicMessage) and isinstance(message.data, Mapping):
         length = message.data.get("time_range", 0.0)
@@ -326,7 +326,7 @@ STEPS = "steps"
 
 @dataclass(frozen=True)
 class MotionFile:
-    """Where a motion stands: its file, and what has the lines, if it is of one."""
+    """File of a motion, and the YAML node that has the lines, if it is of one."""
 
     path: Path | None = None
     node: yaml.Node | None = None
@@ -339,14 +339,14 @@ class MotionFile:
         return yaml_files.find_line(self.node, f"{STEPS}{place}" if is_step else place)
 
     def error(self, problem: str, where: str = "", key: str = "") -> MotionError:
-        """Return an error about a place, or about a key that is there."""
+        """Return an error about a place, or about one of its keys."""
         place = f"{where}.{key}" if where and key else where or key
         line = self.line(place) if place else None
         return MotionError(problem, file=self.path, line=line, where=where)
 
 
 class Fields:
-    """Checks the fields of one step; places are given from the step on."""
+    """Checks the fields of one step; places count from the step on."""
 
     def __init__(self, step: str, file: MotionFile) -> None:
         """Create it for a step at a place such as "[0]"."""
@@ -402,7 +402,7 @@ class Fields:
         )
 
     def time(self, kind: type[T], value: Any, where: str) -> T:
-        """Return a time, given in seconds or as {sec, nanosec}."""
+        """Return a time, written in seconds or as {sec, nanosec}."""
         try:
             return kind.of(value)
         except ValueError as error:
@@ -576,7 +576,7 @@ def _read_thing(
 def _task_options(
     fields: Fields, value: Any, where: str, key: str, known: Mapping[str, type | None]
 ) -> Mapping[str, Any]:
-    """Return what a task is given by name; what isn't a mapping is its main part."""
+    """Return the options of a task; what isn't a mapping is its main part."""
     if not isinstance(value, Mapping):
         return {key: value}
     data = fields.mapping(value, where, (key, *known))

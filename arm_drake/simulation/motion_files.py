@@ -544,7 +544,7 @@ class _Step:
         return [TopicMessage(*pair) for pair in zip(names, row, strict=True)]
 
     def _times(self, count: int = 0) -> list[float]:
-        """Return when the step's messages are sent [s]; ``count`` of them if given."""
+        """Return when the step's messages are sent [s]; ``count`` of them unless 0."""
         fields, item = self._fields, self._item
         start = fields.seconds(item.get("at", 0.0), "at")
         if "every" not in item and "count" not in item:
@@ -563,7 +563,7 @@ class _Step:
         return count
 
     def _ramp(self, where: str, value: Any) -> list[tuple[float, ...]]:
-        """Return values from one list to another, and back if asked."""
+        """Return values from one list to another, and back if requested."""
         fields = self._fields
         ends = fields.list(value, where)
         if len(ends) != 2:

@@ -35,7 +35,7 @@ _LOOK_PERIOD = 0.05
 
 
 class Runner(Protocol):
-    """What runs motions: a Simulation."""
+    """Player of motions: a Simulation."""
 
     directory: Directory
     mailbox: Mailbox
@@ -193,7 +193,7 @@ class Player:
             self._over_at = now + AFTER_MOTION
 
     def give_up(self) -> None:
-        """Say which tasks weren't ended, or not even begun."""
+        """Report tasks that weren't ended, or not even begun."""
         ended = "not done: the simulation ended before"
         for task in self._running.values():
             # Who follows has nowhere to get to.
@@ -313,7 +313,7 @@ def _perform(
 
 
 def _check_task(simulation: Any, message: Task) -> None:
-    """Raise InputError if a robot lacks what it takes, or there is no such thing."""
+    """Raise InputError if a robot can't do the task, or the thing is unknown."""
     from arm_drake.manipulation.activities import read_options
     from arm_drake.manipulation.hand import Hand, PickOptions
     from arm_drake.manipulation.visual_servoing import FollowOptions, Servo

@@ -235,7 +235,7 @@ def _read_sensors(logs: _Logs) -> dict[str, tuple[Message, ...]]:
 
 
 class _Commanded(NamedTuple):
-    """What was commanded in the cycle before each of N rows, and by whom."""
+    """Commands in the cycle before each of N rows, and their controllers."""
 
     # Values of C command interfaces, shape (N, C); NaN where it wasn't recorded.
     values: Array
@@ -529,7 +529,7 @@ class History:
         self._start = mailbox.time
 
     def trim(self) -> None:
-        """Forget what is too old, if there is much of it."""
+        """Forget rows that are too old, if there are many of them."""
         now = self._mailbox.time
         # A simulation that was reset has logged nothing of before.
         self._start = min(self._start, now)

@@ -349,7 +349,7 @@ class Simulation:
 
     @property
     def tasks(self) -> list[TaskOutcome]:
-        """What became of what motions had robots pick, place and follow, in order."""
+        """Results of picking, placing and following in motions, in order."""
         return self.mailbox.tasks
 
     @property
@@ -581,7 +581,7 @@ class Simulation:
         return ticks * self.period
 
     def collect_events(self) -> None:
-        """Tell who listens what is new."""
+        """Call the listeners with the new events."""
         for event in self.mailbox.collect():
             for callback in self._on_event:
                 callback(event)

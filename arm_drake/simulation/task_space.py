@@ -57,7 +57,7 @@ _ROUNDING = 1.0 + 1e-6
 
 @dataclass(frozen=True, eq=False)
 class KinematicGoal(Message):
-    """Where the last link of an arm is to be, in the frame that carries the arm."""
+    """Goal point of an arm's last link, in the frame that carries the arm."""
 
     _ros_package: ClassVar[str] = "centauri_interfaces"
 
@@ -69,7 +69,7 @@ class KinematicGoal(Message):
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryGoal(Message):
-    """Where the last link of an arm is to be, and in what time it goes there."""
+    """Goal point of an arm's last link, and the time of the way."""
 
     _ros_package: ClassVar[str] = "centauri_interfaces"
 
@@ -84,7 +84,7 @@ class TrajectoryGoal(Message):
 
 @dataclass(frozen=True, eq=False)
 class SetBool(Message):
-    """Whether to do it (`std_srvs`)."""
+    """Boolean request (`std_srvs`)."""
 
     _ros_package: ClassVar[str] = "std_srvs"
 
@@ -110,7 +110,7 @@ class KinematicResult(NamedTuple):
 
 
 class SetBoolResult(NamedTuple):
-    """What became of a request."""
+    """Result of a request."""
 
     success: bool
     message: str
@@ -187,7 +187,7 @@ def _send_rows(
     times: Sequence[float],
     rows: np.ndarray,
 ) -> None:
-    """Have a controller that takes positions get them, in its own order, from now."""
+    """Send positions to a controller that takes them, in its own order, from now."""
     forward = find_position_controller(robot, group)
     assert forward is not None
     states = {row.name: row.state for row in simulation.list_controllers()}
@@ -202,7 +202,7 @@ def _send_rows(
 
 
 class TaskSpaceRequest(TopicHandle):
-    """What a robot is asked for by name, as a topic is published on."""
+    """Request to a robot by name, as a topic is published on."""
 
     def __init__(self, simulation: Runner, robot: str, kind: str) -> None:
         """Create it; `Simulation.topic` does that."""
@@ -224,7 +224,7 @@ class TaskSpaceRequest(TopicHandle):
         self._read(data)
 
     def publish(self, data: Any, *, where: str = "") -> None:
-        """Ask for something; what can't be done is among `Simulation.rejected`.
+        """Send a request; one that can't be met is among `Simulation.rejected`.
 
         That is a request, or a mapping of its fields; of `home` also a bool.
         """
@@ -257,7 +257,7 @@ class TaskSpaceRequest(TopicHandle):
         return found
 
     def value(self) -> Any:
-        """Raise InputError: it is asked, not read."""
+        """Raise InputError: a request has no value."""
         raise InputError(f"nobody publishes on {self.name!r}; it takes requests")
 
     def _read(self, data: Any) -> Request:
@@ -349,7 +349,7 @@ _KINDS: Mapping[str, type[Any]] = {
 
 
 def find_request(simulation: Runner, name: str) -> TaskSpaceRequest | None:
-    """Return what a robot is asked for by a name, if it is the name of a request."""
+    """Return a robot's request of a name, None if it has none."""
     robot, _, kind = name.strip("/").rpartition("/")
     if robot not in simulation.directory.managers:
         return None

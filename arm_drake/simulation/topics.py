@@ -180,12 +180,12 @@ class ControllerTopics:
         return TOPIC, renew(trajectory)
 
     def _takes(self, port: str, kind: _Kind) -> bool:
-        """Return whether the controller has a port, and messages of a kind go there."""
+        """Return whether the controller has a port that takes messages of a kind."""
         types = getattr(self.system, "message_types", {})
         return self.system.HasInputPort(port) and types.get(port, kind) is kind
 
     def make_speed_scaling(self, factor: float) -> tuple[str, SpeedScalingFactor]:
-        """Return the port on which the controller is told how fast time passes, and it.
+        """Return the speed-scaling port of the controller, and its message.
 
         The factor is at least 0. Without such a port it is an InputError.
         """
@@ -261,7 +261,7 @@ _AXIS = re.compile(r"^(/model/.+/joint/.+)/0(/cmd_pos)$")
 
 
 class VirtualTopic(NamedTuple):
-    """A topic that no controller has, and one of them can be told in its own way."""
+    """A topic that no controller has, but that one can receive in its own way."""
 
     message_type: type[Message]
 
@@ -305,13 +305,13 @@ class TopicPort(NamedTuple):
 
 
 def sensor_type(port: TopicPort) -> type[Message] | None:
-    """Return the class of what a camera or lidar tells on a port; None of others."""
+    """Return the class of a camera's or lidar's messages on a port; None of others."""
     kind: type[Message] | None = getattr(port.system, "output_types", {}).get(port.port)
     return kind
 
 
 class Topic(NamedTuple):
-    """Who takes the messages of a topic, and who publishes them."""
+    """Subscribers and publishers of a topic."""
 
     name: str
     inputs: tuple[TopicPort, ...] = ()

@@ -46,7 +46,7 @@ class HardwareNode:
 
 @dataclass(frozen=True)
 class ControlGraph:
-    """What controls a robot."""
+    """Controllers and hardware of a robot."""
 
     robot: str
     controllers: tuple[ControllerNode, ...]

@@ -15,7 +15,7 @@ ROOM_TO_MOVE = 0.3
 
 
 def draw(simulation: Simulation) -> None:
-    """Have a simulation's diagram draw its robots."""
+    """Draw the robots of a simulation by its diagram."""
     root = simulation.simulator.get_context()
     for system in simulation.diagram.GetSystems():
         if isinstance(system, MeshcatVisualizer):

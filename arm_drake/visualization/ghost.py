@@ -94,7 +94,7 @@ class Ghost:
 
     @property
     def path(self) -> str:
-        """Where it is in Meshcat."""
+        """Path in Meshcat."""
         return path_below("/drake/ghost", self._name)
 
     def show(

@@ -55,7 +55,7 @@ class Line:
 
     @property
     def width(self) -> float:
-        """What it takes [pt]."""
+        """Width of the line [pt]."""
         gap = 2.0 * PADDING if self.left and self.right else 0.0
         return gap + sum(text_width(t, self.is_bold) for t in (self.left, self.right))
 
@@ -70,18 +70,18 @@ class Box:
 
     @property
     def width(self) -> float:
-        """What it takes at least [pt]."""
+        """Least width of the box [pt]."""
         return max(line.width for line in self.lines) + 2.0 * PADDING
 
     @property
     def height(self) -> float:
-        """What it takes [pt]."""
+        """Height of the box [pt]."""
         return LINE_HEIGHT * len(self.lines) + PADDING
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where a box has been drawn."""
+    """Place of a drawn box."""
 
     left: float
     right: float
@@ -103,7 +103,7 @@ def text_width(text: str, is_bold: bool = False) -> float:
 
 
 class Canvas:
-    """A picture of a given size [pt]."""
+    """A picture of some size [pt]."""
 
     def __init__(self, width: float, height: float) -> None:
         """Create an empty picture."""

@@ -108,7 +108,7 @@ class DrawnRobot:
 
     @functools.cached_property
     def link_poses(self) -> dict[str, RigidTransform]:
-        """Where the links are by default, in the order of the description."""
+        """Default poses of the links, in the order of the description."""
         plant = self.plant
         return {
             link: RigidTransform()
@@ -482,7 +482,7 @@ class LinkDrawings:
         poses: Mapping[str, Mapping[str, RigidTransform]],
         time: float | None = None,
     ) -> None:
-        """Move what is shown along with the links, whose poses in the world are given.
+        """Move the drawings along with the links, by their poses in the world.
 
         Only links that moved since the last call are sent, or all to a recording, at
         its `time` [s]. What is left out stays where it was, and what isn't drawn is

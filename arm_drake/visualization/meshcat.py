@@ -36,7 +36,7 @@ _SMALLEST_DISTANCE = 1e-3
 
 @dataclass(frozen=True)
 class Camera:
-    """Where a camera is, and what is in the middle of its picture, z up [m]."""
+    """Position of a camera, and the middle of its picture, z up [m]."""
 
     eye: tuple[float, float, float]
     target: tuple[float, float, float]
@@ -49,7 +49,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class View:
-    """How a camera looks at something; where it must be follows from that."""
+    """View of a camera on something; its position follows from that."""
 
     # Vertical field of view [rad].
     field_of_view: float

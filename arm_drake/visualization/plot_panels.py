@@ -219,7 +219,7 @@ def add_legend(picture: Picture, panels: Iterable[Axes]) -> None:
 
 
 def say_below(picture: Picture, text: str, names: Sequence[str] = ()) -> None:
-    """Write a remark below all panels, with as many names as there is room for."""
+    """Write a remark below all panels, with as many names as fit."""
     room = int((picture.get_figwidth() - 1.5) * _CHARACTERS * 1.4) - len(text)
     shown: list[str] = []
     for name in names:
@@ -234,7 +234,7 @@ def say_below(picture: Picture, text: str, names: Sequence[str] = ()) -> None:
 
 
 def say_if_empty(picture: Picture, num_rows: int) -> None:
-    """Say so in a picture in which there is nothing."""
+    """Write a remark in an empty picture."""
     panels = [panel for panel in picture.axes if panel.get_visible()]
     if num_rows and panels:
         return
@@ -261,7 +261,7 @@ def _seen(values: Array) -> NDArray[np.int64]:
 
 
 class Tracked(NamedTuple):
-    """What a joint is to follow, and how it did."""
+    """References of a joint, and its measurement."""
 
     joint: str
 
@@ -285,7 +285,7 @@ def track(rollout: Rollout, joints: Sequence[str]) -> list[Tracked]:
 
 
 def commanded(rollout: Rollout, joint: str, interface: str) -> Array | None:
-    """Return what a command interface of a joint was told, shape (N,).
+    """Return the values of a joint's command interface, shape (N,).
 
     It is None if there is no such interface, or it was never told anything.
     """

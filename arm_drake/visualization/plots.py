@@ -59,7 +59,7 @@ _NEAR_LIMIT = 0.2
 
 
 def plot_effort(rollout: Rollout, joints: Sequence[str]) -> Picture:
-    """Return efforts over time, with their limits and when they were there."""
+    """Return efforts over time, with their limits and when they were reached."""
     units = [unit_of(rollout, joint, interfaces.EFFORT) for joint in joints]
     titles = [f"{joint} [{unit}]" for joint, unit in zip(joints, units, strict=True)]
     picture, panels = make_time_panels(titles)

@@ -50,7 +50,7 @@ _ARGUMENTS = (
 
 
 class BrowserError(ArmDrakeError):
-    """There is no browser, or it does not do its work."""
+    """A browser is missing, or it does not do its work."""
 
 
 def check_installed() -> None:

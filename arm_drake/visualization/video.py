@@ -50,7 +50,7 @@ _ENCODING = (
 
 @dataclass(frozen=True)
 class Film:
-    """What was filmed."""
+    """Number of pictures and duration of a film."""
 
     # How many pictures it has.
     frames: int
@@ -109,7 +109,7 @@ def save_video(
 
 
 class _FrameRecorder:
-    """Films in the browser's thread, and can be asked from another one."""
+    """Films in the browser's thread, and can be read from another one."""
 
     def __init__(
         self,

@@ -262,7 +262,7 @@ class Foxglove:
         )
 
     def say(self, problem: str) -> None:
-        """Tell clients what is wrong."""
+        """Send clients a problem."""
         self._server.publish_status(problem, foxglove.StatusLevel.Error)
 
     def _asset(self, uri: str) -> bytes | None:
@@ -273,7 +273,7 @@ class Foxglove:
 
 
 class _Listener(ServerListener):
-    """What clients do; foxglove-sdk calls it in threads of its own."""
+    """Listener to clients; foxglove-sdk calls it in threads of its own."""
 
     def __init__(self, transport: Foxglove) -> None:
         self._transport = transport

@@ -85,7 +85,7 @@ GoalClass: TypeAlias = type[Goal]
 
 
 class Qos(NamedTuple):
-    """Quality of service that a topic is offered or asked with."""
+    """Quality of service that a topic is offered or requested with."""
 
     depth: int = 10
 
@@ -196,7 +196,7 @@ class _LastCycle:
 
 
 class _Once:
-    """What a function returns, which is called when somebody asks."""
+    """Result of a function, which is called when it is first needed."""
 
     def __init__(self, make: Callable[[], Cycle]) -> None:
         """Create it."""
@@ -214,12 +214,12 @@ class _OncePerStamp:
     """Makes the messages of a topic of what was read of them, each time once."""
 
     def __init__(self, convert: Callable[[Any, int], dict[str, Any] | None]) -> None:
-        """Create it, given what makes plain data of them."""
+        """Create it, with a function that makes plain data of them."""
         self._convert = convert
         self._stamp: Any = None
 
     def __call__(self, value: Any, offset_ns: int) -> dict[str, Any] | None:
-        """Return a message as plain data, None if it was told already."""
+        """Return a message as plain data, None if it was sent already."""
         make, cycle = value
         message = make(cycle())
         header = getattr(message, "header", None)
@@ -265,7 +265,7 @@ class Service:
 
 
 class LogLine(NamedTuple):
-    """What happened, in words."""
+    """Log entry, in words."""
 
     time_ns: int
 
@@ -313,7 +313,7 @@ class GoalEvent:
 
 
 class Request(NamedTuple):
-    """What a client asks for."""
+    """Request of a client."""
 
     # "publish", "call", "goal" or "cancel".
     kind: str
@@ -411,7 +411,7 @@ class Graph:
                 self.left_out.append(found.name)
 
     def _read(self, topic: Topic, source: TopicPort) -> bool:
-        """Have a topic read from a port; return whether it is one to be told."""
+        """Have a topic read from a port; return whether it is to be published."""
         port = self.simulation.diagram.GetOutputPort(source.exported_as(source.port))
         made = sensor_type(source)
         if made is not None:
@@ -439,7 +439,7 @@ class Graph:
         return True
 
     def log(self, level: int, name: str, text: str, time_ns: int) -> None:
-        """Tell in words what happened, on /rosout."""
+        """Log an event in words, on /rosout."""
         self.rosout.waiting.append(LogLine(time_ns, level, name, text))
 
     def topic(self, name: str) -> Topic:
@@ -596,7 +596,7 @@ def _make_force(at: slice, value: Any, offset_ns: int) -> dict[str, Any]:
 def _robot_topics(
     simulation: Simulation, manager: ControllerManager, known: Mapping[str, Topic]
 ) -> Iterator[Topic]:
-    """Yield what robot_state_publisher tells of a robot, and its joints."""
+    """Yield the topics of a robot's robot_state_publisher, and its joints."""
     robot, namespace = manager.robot, manager.namespace
     root = f"/{manager.prefix}".rstrip("/")  # tf2 listens there, wherever its node is.
     node = f"{namespace}/robot_state_publisher"
@@ -634,7 +634,7 @@ def _robot_topics(
 
 
 class RobotFrames:
-    """The frames of a robot, as robot_state_publisher tells them."""
+    """The frames of a robot, as robot_state_publisher publishes them."""
 
     def __init__(self, simulation: Simulation, manager: ControllerManager) -> None:
         """Create it."""
@@ -731,7 +731,7 @@ def _free_bodies(
 def _frame_ports(
     simulation: Simulation, manager: ControllerManager
 ) -> list[Callable[[Context], TFMessage]]:
-    """Return what reads the frames that controllers of a robot tell."""
+    """Return functions that read the frames that a robot's controllers publish."""
     names = TopicNames({manager.robot.name: manager})
     context, found = simulation.simulator.get_context(), []
     for topic in names.all():

@@ -19,7 +19,7 @@ Reply = Callable[[Any], None]
 
 
 class Bridge(Protocol):
-    """Whose clients ask."""
+    """Bridge whose clients call."""
 
     server: RosServer
 
@@ -55,7 +55,7 @@ def call_rosapi(
 
 
 class RosApi:
-    """What rosapi says of the graph, and of what clients advertise."""
+    """Answers of rosapi on the graph, and on what clients advertise."""
 
     def __init__(self, bridge: Bridge) -> None:
         """Create it."""

@@ -52,7 +52,7 @@ _COMPRESSIONS = ("none", "png", "cbor", "cbor-raw")
 
 
 class _Subscription:
-    """What a client wants of a topic."""
+    """Subscription of a client to a topic."""
 
     def __init__(self) -> None:
         # Of each id: shortest time between two messages [s], and queue length.
@@ -113,7 +113,7 @@ class Client(tornado.websocket.WebSocketHandler):
         return is_allowed(origin, self.bridge.server.origins)
 
     def prepare(self) -> None:
-        """Refuse more clients than there may be."""
+        """Refuse clients beyond the maximum."""
         if len(self.bridge.clients) >= _MAX_CLIENTS:
             raise tornado.web.HTTPError(503, reason="too many clients")
 
@@ -164,7 +164,7 @@ class Client(tornado.websocket.WebSocketHandler):
             self.refuse(content, f"it can't be used ({text})")
 
     def refuse(self, content: Mapping[str, Any], problem: str) -> None:
-        """Say what is wrong, as the operation has it."""
+        """Send a client the problem, as the operation has it."""
         op, id_ = content.get("op"), content.get("id")
         if op == "call_service":
             self.send(_response(content, problem, is_done=False))
@@ -174,7 +174,7 @@ class Client(tornado.websocket.WebSocketHandler):
             self.tell_error(problem, id_)
 
     def tell_error(self, text: str, id_: Any = None) -> None:
-        """Say what is wrong, if the client wants to hear it."""
+        """Send a client the problem, unless its status level is "none"."""
         if self.level != "none":
             content = {"op": "status", "level": "error", "msg": text}
             self.send(content if id_ is None else {**content, "id": id_})
@@ -438,7 +438,7 @@ class Rosbridge:
             self._send(client, name, self._type_of(name), last, encoder)
 
     def _check_type(self, name: str, type_name: Any) -> None:
-        """Raise InputError if a topic has another type than is given, if one is."""
+        """Raise InputError if a topic has another type than the request's, if any."""
         known = self._type_of(name)
         if type_name and known and full_name(str(type_name)) != known:
             raise InputError(f"topic {name!r} is of type {known}, not {type_name}")
@@ -717,7 +717,7 @@ def _name(content: Mapping[str, Any], field: str) -> str:
 
 
 def _number(content: Mapping[str, Any], field: str) -> float:
-    """Return a number of at least 0, which is 0 if it isn't given."""
+    """Return a number of at least 0, which is 0 if it is missing."""
     value = content.get(field)
     if value is None:
         return 0.0

@@ -102,7 +102,7 @@ STATUS: Mapping[GoalStatus, int] = {
 
 
 class Transport(Protocol):
-    """How others are talked to; all is called in the network's thread."""
+    """Transport to clients; all is called in the network's thread."""
 
     name: ClassVar[str]
 
@@ -362,7 +362,7 @@ class RosServer:
             self._post(lambda: request.refuse(problem))
 
     def _log(self, request: Request) -> None:
-        """Keep what changes the simulation, with who asked for it."""
+        """Keep a request that changes the simulation, with its sender."""
         self.simulation.mailbox.inputs.append(
             ClientInput(
                 self.simulation.time,
@@ -450,7 +450,7 @@ class RosServer:
                 switch.reply({"ok": False, "message": text})
 
     def _report(self, event: SimulationEvent) -> None:
-        """Tell on /rosout what happened."""
+        """Log an event on /rosout."""
         level, name = WARN, "controller_manager"
         if isinstance(event, GoalHandle):
             if not event.status.is_terminal:
@@ -490,7 +490,7 @@ class RosServer:
                     self._reply(goal, answer)
 
     def _take_goal(self, goal: _Goal) -> None:
-        """Tell a client what is new of its goal."""
+        """Send a client the news of its goal."""
         handle = goal.handle
         is_new = goal.reported is GoalStatus.PENDING
         if is_new and handle.status not in (GoalStatus.PENDING, GoalStatus.REJECTED):
@@ -544,7 +544,7 @@ class RosServer:
     # What the network's thread does.
 
     def submit(self, request: Request) -> None:
-        """Ask for something; it is done at the next tick.
+        """Queue a request; it is done at the next tick.
 
         Raises:
             InputError: If too much waits already.
@@ -589,7 +589,7 @@ class RosServer:
         return round(self._last_time * 1e9) + self.offset_ns
 
     def warn(self, text: str) -> None:
-        """Say what is wrong, at most ten times a second."""
+        """Print a warning, at most ten times a second."""
         now = time.monotonic()
         if now >= self._warn_due:
             self._warn_due = now + 0.1

@@ -47,7 +47,7 @@ Fields = dict[str, Any]
 
 
 class Controls(Protocol):
-    """What pauses, plays and resets a simulation."""
+    """Controls that pause, play and reset a simulation."""
 
     # Whether the thread that simulates waits between two ticks.
     is_waiting: bool
@@ -63,7 +63,7 @@ class Controls(Protocol):
 
 
 class Host(Protocol):
-    """What serves them: a RosServer."""
+    """Server of the services: a RosServer."""
 
     simulation: Simulation
     graph: Graph
@@ -397,7 +397,7 @@ def _controller_services(
 def _task_space_services(
     simulation: Simulation, manager: ControllerManager
 ) -> Iterator[Service]:
-    """Yield what a robot whose arm has a controller for plans is asked for."""
+    """Yield the task-space services of a robot whose arm has a controller for plans."""
     robot = manager.robot
     try:
         find_receiver(robot, find_group(robot, None))

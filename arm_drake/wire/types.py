@@ -78,7 +78,7 @@ def _names() -> Mapping[str, str]:
 
 
 def type_of(kind: type) -> str | None:
-    """Return the type in ROS of a class of messages, None if there is none."""
+    """Return the type in ROS of a class of messages, None if it has none."""
     return _names().get(kind.__name__)
 
 

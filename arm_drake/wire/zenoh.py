@@ -223,7 +223,7 @@ class Zenoh:
         self._look_at = 0.0
 
     async def start(self) -> list[str]:
-        """Open a session, and declare all that there is."""
+        """Open a session, and declare all entities."""
         self.session, says = self._open()
         graph = self.server.graph
         for node in graph.nodes():
@@ -312,7 +312,7 @@ class Zenoh:
         self.keep(self.session.liveliness().declare_token("/".join(parts)))
 
     def declare(self, kind: str, node: str, name: str, type_: str, qos: Qos) -> None:
-        """Tell the graph of ROS that something is there."""
+        """Declare an entity in the graph of ROS."""
         if node not in self._nodes:
             self._nodes[node] = len(self._nodes)
             self._token("NN", node, self._nodes[node])
@@ -346,7 +346,7 @@ class Zenoh:
             self._warn(f"{topic.name}: {error}")
 
     def _warn(self, problem: str) -> None:
-        """Say what came in and can't be used; nobody is there to be answered."""
+        """Report unusable messages; they have no sender to be answered."""
         self.server.warn(f"zenoh: {problem}")
 
     def serve(
@@ -356,7 +356,7 @@ class Zenoh:
         node: str,
         call: Callable[[dict[str, Any], _Reply], None],
     ) -> None:
-        """Answer calls of a service, given what does one and how to reply."""
+        """Answer calls of a service by `call`, which takes request and reply."""
         types = self.server.types
 
         def act(query: zenoh.Query, data: bytes) -> None:

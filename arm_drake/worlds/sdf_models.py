@@ -114,7 +114,7 @@ _LARGEST_FRICTION = GROUND_FRICTION
 
 @dataclass(frozen=True, eq=False)
 class GroundLook:
-    """How the ground of a file is to look, where it is drawn."""
+    """Appearance of the ground of a file, where it is drawn."""
 
     # Length along its x and y [m]; its frame in the world, in whose plane z = 0 it is.
     size: tuple[float, float]
@@ -160,7 +160,7 @@ class Cleaner:
         return self._clean(element, self._world, None, "", 0)
 
     def report_missing(self) -> None:
-        """Record the models that aren't there, in one line."""
+        """Record the missing models, in one line."""
         if self._missing:
             names = sorted(self._missing)
             is_one = len(names) == 1
@@ -380,7 +380,7 @@ class _Shape:
     ground: str | None
 
     def find_texture(self) -> Path | None:
-        """Return the picture of a plane that is the ground, and forget it there."""
+        """Return the picture of a plane that is the ground, and remove it there."""
         path, parent = "material/pbr/metal", self.element.find("material/pbr/metal")
         found = self.element.find(f"{path}/albedo_map")
         is_plane = self.element.find("geometry/plane") is not None

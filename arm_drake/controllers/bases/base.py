@@ -277,7 +277,7 @@ def take_finite(command: BaseCommand) -> tuple[BaseCommand, str]:
 
 
 class BaseOdometry(Protocol):
-    """Where a base takes itself to be, and how it moves."""
+    """Estimated pose and velocity of a base."""
 
     @property
     def pose(self) -> PlanarPose:

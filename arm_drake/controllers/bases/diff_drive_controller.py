@@ -305,7 +305,7 @@ class _SteadyDrive(SilentTicks):
 
 
 class DiffDriveController(BaseController[DiffDriveState]):
-    """Turns wheels so that a base with differential drive moves as it is told.
+    """Drives the wheels of a base with differential drive by its velocity command.
 
     ==================  ====  =====  ===============================================
     port                size  unit   meaning

@@ -50,7 +50,7 @@ _MIN_STEP = 1e-4
 
 
 class MecanumOdometry(NamedTuple):
-    """Where a base takes itself to be, and how it moves."""
+    """Estimated pose and velocity of a base."""
 
     pose: PlanarPose = PlanarPose()
     velocity: Velocity = REST
@@ -208,7 +208,7 @@ class MecanumDriveState(NamedTuple):
 
 
 class MecanumDriveController(BaseController[MecanumDriveState]):
-    """Turns four mecanum wheels so that a base moves as it is told, sideways too.
+    """Drives the four mecanum wheels of a base by its velocity command, sideways too.
 
     ==================  ====  =========================================================
     port                size  meaning
@@ -301,7 +301,7 @@ class MecanumDriveController(BaseController[MecanumDriveState]):
     def _follow(
         self, now: UpdateContext, received: BaseCommand
     ) -> tuple[BaseCommand, Velocity]:
-        """Return what is left of a command, and what it asks for in a tick.
+        """Return the rest of a command, and its velocity in a tick.
 
         What is too old asks for rest, once; without a timeout it holds for one tick.
         """

@@ -135,7 +135,7 @@ class OmniWheelKinematics:
 
 
 class OmniWheelOdometry(NamedTuple):
-    """Where a base takes itself to be, and how it moves."""
+    """Estimated pose and velocity of a base."""
 
     # Of the wheels at the last step [rad], shape (n,).
     positions: tuple[float, ...]
@@ -214,7 +214,7 @@ class OmniWheelDriveState(NamedTuple):
 
 
 class OmniWheelDriveController(BaseController[OmniWheelDriveState]):
-    """Turns omni wheels so that a base moves as it is told, sideways too.
+    """Drives the omni wheels of a base by its velocity command, sideways too.
 
     With n = len(wheel_names), vectors in their order:
 
@@ -303,7 +303,7 @@ class OmniWheelDriveController(BaseController[OmniWheelDriveState]):
         )
 
     def _follow(self, now: UpdateContext, state: OmniWheelDriveState) -> Velocity:
-        """Return what the last command asks for; NaN leaves the references."""
+        """Return the velocity of the last command; NaN leaves the references."""
         assert state.received is not None
         velocity, stamp_ns = state.received
         if now.time_ns - stamp_ns > self._timeout_ns:

@@ -265,7 +265,7 @@ class SteeringControllerState(NamedTuple):
 
 
 class SteeringController(BaseController[SteeringControllerState]):
-    """Drives a base with steered wheels, and tells where it is.
+    """Drives a base with steered wheels, and publishes its odometry.
 
     With n driven and k steered wheels; of two the right one comes first:
 

@@ -154,7 +154,7 @@ class Range(NamedTuple):
 
 
 def make_range(low: float, high: float) -> Range | None:
-    """Return a range of sizes; None if both ends are NaN, which is not given."""
+    """Return a range of sizes; None if both ends are NaN, which is unset."""
     if math.isnan(low) and math.isnan(high):
         return None
     return Range(
@@ -213,7 +213,7 @@ class SteeringLimiter(NamedTuple):
 
 
 class TricycleCommand(NamedTuple):
-    """What the front wheel is told: its velocity [rad/s] and its angle [rad]."""
+    """Command of the front wheel: velocity [rad/s] and angle [rad]."""
 
     rate: float = 0.0
     angle: float = 0.0
@@ -222,7 +222,7 @@ class TricycleCommand(NamedTuple):
 def to_wheel_command(
     v: float, w: float, *, wheelbase: float, radius: float
 ) -> TricycleCommand:
-    """Return what the front wheel is told; `wheelbase` and `radius` are [m]."""
+    """Return the front wheel's command; `wheelbase` and `radius` are [m]."""
     if v == 0.0 and w != 0.0:
         angle = math.copysign(math.pi / 2.0, w)
         return TricycleCommand(abs(w) * wheelbase / radius, angle)
@@ -238,7 +238,7 @@ def speed_scale(deviation: float) -> float:
 
 
 class TricycleOdometry(NamedTuple):
-    """Where a base takes itself to be, and how fast; each method returns a new one."""
+    """Estimated pose and velocity of a base; each method returns a new one."""
 
     means: RollingMean
     pose: PlanarPose = PlanarPose()
@@ -251,7 +251,7 @@ class TricycleOdometry(NamedTuple):
         return self._replace(pose=PlanarPose(), means=self.means.clear())
 
     def follow(self, v: float, w: float, dt: float) -> Self:
-        """Take one step [s] with the velocity that is asked for, taken as it is."""
+        """Take one step [s] with the commanded velocity, taken as it is."""
         return self._replace(
             velocity=(v, w), pose=integrate_midpoint(self.pose, v, w, dt)
         )
@@ -306,7 +306,7 @@ class TricycleControllerState(NamedTuple):
 
 
 class TricycleController(BaseController[TricycleControllerState]):
-    """Drives a base whose front wheel drives and steers, and tells where it is.
+    """Drives and steers a base by its front wheel, and publishes its odometry.
 
     ==================  ====  =========================================================
     port                size  meaning

@@ -102,7 +102,7 @@ class AckermannGeometry(NamedTuple):
 
 
 class AckermannSteering(GazeboDrive):
-    """Turns wheels and steers so that a base moves as it is told.
+    """Drives and steers the wheels of a base by its velocity command.
 
     With J joints and k of them moved:
 
@@ -252,7 +252,7 @@ class ClassicAckermannState(NamedTuple):
 
 
 class GazeboRosAckermannDrive(ClassicController[ClassicAckermannState]):
-    """Pushes wheels and steers so that a base moves as told, as Gazebo Classic does.
+    """Pushes and steers wheels by a velocity command, as Gazebo Classic does.
 
     With J joints and k of them moved:
 

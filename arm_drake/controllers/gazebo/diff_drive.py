@@ -59,7 +59,7 @@ _REACHED = 0.01
 
 
 class EncoderOdometry(NamedTuple):
-    """Where a base of Gazebo Classic stands by the turning of its first wheels."""
+    """Odometry of a base of Gazebo Classic by the turning of its first wheels."""
 
     pose: PlanarPose = PlanarPose()
 
@@ -86,7 +86,7 @@ class EncoderOdometry(NamedTuple):
 def accelerate(
     desired: Array, measured: Array, commanded: Array, step: float
 ) -> tuple[Array, Array]:
-    """Return what wheels of Gazebo Classic are told, and what is kept of it.
+    """Return the wheel commands of Gazebo Classic, and the ramped ones it keeps.
 
     What the wheels are told, shape (n, 2): what is desired where both wheels of a
     pair have nearly reached it. Else what was kept moves by the way that is left,
@@ -134,7 +134,7 @@ class _SteadyDrive(SilentTicks):
 
 
 class DiffDrive(GazeboDrive):
-    """Turns the wheels of two sides so that a base moves as it is told.
+    """Drives the wheels of two sides of a base by its velocity command.
 
     With J joints and k wheels:
 
@@ -254,7 +254,7 @@ class ClassicDriveState(NamedTuple):
 
 
 class GazeboRosDiffDrive(ClassicController[ClassicDriveState]):
-    """Turns pairs of wheels so that a base moves as it is told, as Gazebo Classic does.
+    """Drives pairs of wheels by a velocity command, as Gazebo Classic does.
 
     With J joints and k wheels:
 

@@ -187,7 +187,7 @@ class GazeboDriveState(NamedTuple):
 
 
 class GazeboDrive(BasePlugin[GazeboDriveState]):
-    """Base of Gazebo Sim's systems that turn wheels so that a base moves as told.
+    """Base of Gazebo Sim's systems that drive wheels by a velocity command.
 
     A subclass says by `_find_command` and `_count` how the joints of each group are to
     turn, and where their turning has taken the base.
@@ -321,7 +321,7 @@ _UNKNOWN = 1e12
 
 
 class ClassicController(BasePlugin[B]):
-    """Base of Gazebo Classic's plugins that move a base as they are told.
+    """Base of Gazebo Classic's plugins that move a base by a velocity command.
 
     A subclass declares what it publishes by `_declare_outputs`.
     """
@@ -367,7 +367,7 @@ class ClassicController(BasePlugin[B]):
         self._declare_events()
 
     def _describe_frames(self, state: B) -> TFMessage:
-        """Return the frames of wheels, and of the base if it is told there."""
+        """Return the frames of wheels, and of the base if it is published."""
         wheels: tuple[TransformStamped, ...] = getattr(state, "wheels", ())
         if not self._tag.publish_odom_tf:
             return TFMessage(wheels)

@@ -60,7 +60,7 @@ class Following(NamedTuple):
 
 
 class Targets(NamedTuple):
-    """What joints are to do; arrays of shape (n,) that nobody changes."""
+    """Targets of n joints; arrays of shape (n,), never changed."""
 
     # [rad] or [m].
     position: Array

@@ -20,7 +20,7 @@ from arm_drake.description.gazebo_plugins import MecanumDrive as MecanumDriveTag
 
 
 class MecanumDrive(GazeboDrive):
-    """Turns the mecanum wheels of four corners so that a base moves as it is told.
+    """Drives the mecanum wheels of four corners by the base's velocity command.
 
     With J joints and k wheels:
 

@@ -47,7 +47,7 @@ from arm_drake.messages import NANOSECONDS, Float64, Message, Twist
 
 
 class GazeboPidState(NamedTuple):
-    """What n PIDs remember; arrays of shape (n,) that nobody changes."""
+    """State of n PIDs; arrays of shape (n,), never changed."""
 
     # Integral term, gain included.
     i_term: Array
@@ -174,7 +174,7 @@ def _limits(high: Sequence[float], low: Sequence[float]) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class JointForces(Message):
-    """Where n forces act; made by `from_joints`."""
+    """Joints on which n forces act, and their factors; made by `from_joints`."""
 
     # Joints that carry them, k of them.
     joints: tuple[str, ...]
@@ -356,7 +356,7 @@ def find_twist_fault(message: Twist, *, sideways: bool = False) -> str:
 
 
 def find_unsupported(tag: GazeboTag) -> list[str]:
-    """Return what a tag asks for that isn't done, in words for the load report."""
+    """Return unsupported settings of a tag, in words for the load report."""
     problems = []
     if isinstance(tag, _OneJoint) and tag.use_actuator_msg:
         problems.append(

@@ -56,7 +56,7 @@ class VelocityControlState(NamedTuple):
 
 
 class VelocityControl(TopicController[VelocityControlState]):
-    """Sets the velocity of the robot's base as it is told.
+    """Sets the velocity of the robot's base by its command.
 
     With J joints:
 

@@ -96,7 +96,7 @@ from arm_drake.messages import (
 
 
 class _Commands(NamedTuple):
-    """What a tick commands: fields of the state of the same names, in their order."""
+    """Commands of a tick: fields of the state of the same names, in their order."""
 
     commanded: Sample | StateBefore | None
     commanded_ns: int
@@ -326,7 +326,7 @@ class JointTrajectoryControllerSystemState(NamedTuple):
 
 
 class _Course:
-    """What steady ticks of a trajectory have in common, whatever has been told."""
+    """Common data of steady ticks of a trajectory, whatever has been reported."""
 
     __slots__ = (
         "ahead",
@@ -441,7 +441,7 @@ class SteadyTrajectory:
         return new._system, new
 
     def _after(self, state: JointTrajectoryState) -> "SteadyTrajectory":
-        """Return the ticks after a state that differs in what has been told alone."""
+        """Return the ticks after a state that differs in its reports alone."""
         new: SteadyTrajectory = object.__new__(SteadyTrajectory)
         system = JointTrajectoryControllerSystemState(self._system.inbox, state)
         new._take(system, self._course)
@@ -744,7 +744,7 @@ class JointTrajectoryController(
     def _take_parameters(
         self, now: UpdateContext, inbox: Inbox, last: JointTrajectoryState
     ) -> tuple[Inbox, JointTrajectoryState]:
-        """Return the inbox with what is offered, and the state that tells a fault."""
+        """Return the inbox with new parameters, and the state that reports a fault."""
         received_parameters = new_parameters(
             self._parameters, now.context, inbox.received_parameters
         )

@@ -280,7 +280,7 @@ def receive(
 def monitor(
     rules: JointTrajectoryRules, state: JointTrajectoryState, now_ns: int
 ) -> JointTrajectoryState:
-    """Return the state that has told a goal's result, or else feedback, when due."""
+    """Return the state with a goal's result, or else feedback, sent when due."""
     goal = state.goal
     if goal is None or now_ns < goal.monitor_ns:
         return state
@@ -336,7 +336,7 @@ def send_feedback(
     last_ns: int,
     look: Callable[[], JointTrajectoryState],
 ) -> JointTrajectoryState:
-    """Return a state with what `monitor` tells of a goal that goes on.
+    """Return a state with the feedback of `monitor` on a goal that goes on.
 
     `look` returns the state of the last tick, that of `last_ns`.
     """
@@ -620,7 +620,7 @@ def commanded_before(
 
 
 class Verdict(NamedTuple):
-    """How a trajectory is followed."""
+    """Result of the check of a trajectory's tolerances."""
 
     is_timed_out: bool = False
     is_off_path: bool = False

@@ -90,7 +90,7 @@ class JointConstraints:
 
 @dataclass(frozen=True)
 class Constraints:
-    """Tolerances where a goal asks for none."""
+    """Default tolerances of goals."""
 
     # Velocity tolerance at the end [rad/s].
     stopped_velocity_tolerance: float = 0.01
@@ -141,7 +141,7 @@ class Gains:
 
 @dataclass(frozen=True)
 class SpeedScaling:
-    """How fast time passes along trajectories."""
+    """Scaling of time along trajectories."""
 
     # Factor from the start, at least 0.
     initial_scaling_factor: float = 1.0
@@ -319,7 +319,7 @@ class ScaledJointTrajectoryControllerParameters(JointTrajectoryControllerParamet
 
     @staticmethod
     def adapt(params: ParameterGroup) -> None:
-        """Take its own name of the interface that tells the factor."""
+        """Rename the parameter of the speed scaling's state interface."""
         JointTrajectoryControllerParameters.adapt(params)
         params.rename("speed_scaling_interface_name", "speed_scaling.state_interface")
 
@@ -512,7 +512,7 @@ def _decelerations(parameters: JointTrajectoryControllerParameters) -> dict[str,
 
 
 class Inbox(NamedTuple):
-    """What came in on the ports of a JointTrajectoryController."""
+    """Input received on the ports of a JointTrajectoryController."""
 
     # Parameters in effect, and what was made of them.
     parameters: JointTrajectoryControllerParameters

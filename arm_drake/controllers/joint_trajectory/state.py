@@ -47,7 +47,7 @@ from arm_drake.messages.base import append_events, make_lazy
 
 @dataclass(frozen=True)
 class TrajectoryRules:
-    """What a controller allows in a trajectory."""
+    """Rules of a controller for trajectories."""
 
     # The controller's joints.
     joints: tuple[str, ...]
@@ -203,7 +203,7 @@ def _fault_in_point(
 
 
 class Deceleration(NamedTuple):
-    """How joints brake, instead of stopping at once."""
+    """Deceleration of joints, instead of a stop at once."""
 
     # Of each joint [rad/s^2] or [m/s^2], above 0, shape (n,).
     decelerations: Array
@@ -323,7 +323,7 @@ class JointTrajectoryRules(Message):
 
 
 class Plan(NamedTuple):
-    """What seldom changes from tick to tick."""
+    """Part of the state that seldom changes from tick to tick."""
 
     # Rules of the last tick; messages are judged by them.
     rules: JointTrajectoryRules | None = None
@@ -422,7 +422,7 @@ class JointTrajectoryState(NamedTuple):
 
     @property
     def speed_scaling_command(self) -> float:
-        """What the command interface of speed scaling is told, if there is one."""
+        """Value of the command interface of speed scaling, if there is one."""
         requested = self.plan.requested_scaling
         return 1.0 if requested is None else requested
 
@@ -431,7 +431,7 @@ class JointTrajectoryState(NamedTuple):
 
 
 class TickInputs(NamedTuple):
-    """What a tick reads. Nobody changes the arrays afterwards."""
+    """Inputs of a tick. Nobody changes the arrays afterwards."""
 
     time_ns: int
 
@@ -550,7 +550,7 @@ _AT_ONCE = Duration()
 
 
 class Snapshot(NamedTuple):
-    """What a tick saw: reference, measurement and error, each of shape (n,)."""
+    """Reference, measurement and error of a tick, each of shape (n,)."""
 
     time_ns: int
 

@@ -75,7 +75,7 @@ def clear_cache(cache_dir: Path | None = None) -> int:
 
 
 def find(folder: Path, key: str, suffix: str) -> ConvertedMesh | None:
-    """Return what `keep` wrote, or None if it isn't there undamaged."""
+    """Return what `keep` wrote, or None if it is missing or damaged."""
     for place in (folder, None):
         try:
             base = place or _substitute(folder)
@@ -604,7 +604,7 @@ class _Conversion:
         return [points] if len(points) else []
 
     def _check_size(self, size: float) -> None:
-        """Say if a mesh is so much larger than its robot that its unit is wrong."""
+        """Report a mesh so much larger than its robot that its unit is wrong."""
         if not self.extent or size < _TOO_LARGE * max(self.extent, _LEAST_EXTENT):
             return
         scale = " ".join(f"{1e-3 * number:g}" for number in self.scale)
@@ -622,7 +622,7 @@ class _Conversion:
         self.report.add(severity, kind, what, done, where=where, file=file)
 
     def _lose_missing(self) -> _Paths:
-        """Report a file that isn't there; all of a folder that isn't are one line."""
+        """Report a missing file; all files of a missing folder are one line."""
         hint, folder = suggest_file(self.source), self.source.parent
         if folder.is_dir() or "did you mean" in hint:
             return self._lose("missing", f"doesn't exist{hint}")

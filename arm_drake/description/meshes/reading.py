@@ -410,7 +410,7 @@ def _opacities(content: bytes) -> dict[str, float]:
 
 
 def _honest_stl(content: bytes, notes: list[ReportEntry]) -> bytes:
-    """Return a binary STL file with as many triangles as its header tells."""
+    """Return a binary STL file with as many triangles as its header declares."""
     is_text = b"\0" not in content[:_STL_HEADER] and _STL_TEXT.search(content[:4096])
     if is_text or len(content) < _STL_HEADER:
         return content

@@ -326,7 +326,7 @@ def require_decimation(max_faces: int) -> str:
 def decimate(
     surfaces: list[Surface], max_faces: int, notes: list[ReportEntry]
 ) -> list[Surface]:
-    """Return surfaces with fewer triangles, all together no more than asked for.
+    """Return surfaces with fewer triangles, all together within the maximum.
 
     Every surface keeps its share of them. Surfaces with a texture stay as they are.
     """

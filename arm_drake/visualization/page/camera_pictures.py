@@ -53,7 +53,7 @@ class CameraPictures(Part):
 
     @property
     def options(self) -> tuple[str, ...]:
-        """What can be shown: "<camera> color", and "depth" and "labels"."""
+        """Options to show: "<camera> color", and "depth" and "labels"."""
         found = []
         for name in self._names:
             camera = self._camera(name)

@@ -154,7 +154,7 @@ class _Points(Display):
             self._meshcat.Delete(part._path)
 
     def _begin(self) -> None:
-        """Have the next points in place of those of before, in a recording too."""
+        """Replace the points of before by the next ones, in a recording too."""
         now = self._live.simulation.time
         if not self._live.views.is_recorded or now == self._began:
             return

@@ -64,7 +64,7 @@ class Keyboard(Part):
             self._last = self._live.simulation.time
 
     def advance(self) -> float:
-        """Tell controllers what the keys say."""
+        """Send controllers the commands of the keys."""
         if not self._is_driving():
             return math.inf
         now = self._live.simulation.time

@@ -133,7 +133,7 @@ class LivePlots(Part):
 
     @property
     def rows(self) -> list[_Row]:
-        """What was sampled: time [s], and a number for each curve, or None."""
+        """Sampled rows: time [s], and a number for each curve, or None."""
         return [list(row) for row in self._rows]
 
     def topics(self) -> list[str]:
@@ -298,6 +298,6 @@ class LivePlots(Part):
             yield find_number(read(), path)
 
     def _refresh(self) -> None:
-        """Tell the page of other curves, with all rows."""
+        """Send the page other curves, with all rows."""
         self._num_new = 0
         self._live.page.set_plot(self.curves, self.rows)

@@ -220,7 +220,7 @@ class LiveSimulation:
         page.set_panel(self._title(), make_sections(self))
 
     def _report_depth(self) -> None:
-        """Say what puts a robot on the ground that stands in it."""
+        """Report how to put a robot on the ground that stands in it."""
         depth = self.views.depth
         if depth > 0.0:
             names = list(self.simulation.robots)
@@ -259,7 +259,7 @@ class LiveSimulation:
 
     @property
     def wall_time(self) -> float:
-        """How long it has been playing since the start or the last reset [s]."""
+        """Wall time of playing since the start or the last reset [s]."""
         return self._pacer.wall_time
 
     @property
@@ -493,7 +493,7 @@ class LiveSimulation:
         self._player.give_up()
 
     def close(self) -> None:
-        """Give up, and end the connections of programs outside, if there are any."""
+        """Give up, and end the connections of external programs."""
         self.give_up()
         if self.ros is not None:
             self.ros.stop()

@@ -225,7 +225,7 @@ class LiveViews:
             arrows.show(self._contacts(name))
 
     def refresh(self) -> None:
-        """Tell where the link of the readout is now, and what touches it."""
+        """Update the readout's pose of a link, and its contacts."""
         poses = {name: self._simulation.link_poses(name) for name in self._robots}
         contacts: list[ContactState] = []
         if self.has_physics:

@@ -75,7 +75,7 @@ _UPRIGHT = 0.1
 
 
 class PlanningHost(Protocol):
-    """What a panel plans for: a robot that is viewed, or those of a simulation."""
+    """Host of a planning panel: a viewed robot, or the robots of a simulation."""
 
     @property
     def robots(self) -> Mapping[str, Robot]:
@@ -102,7 +102,7 @@ class PlanningHost(Protocol):
         """End what `execute` began, and say so."""
 
     def progress(self) -> str:
-        """Return what became of what `execute` began, if there is news."""
+        """Return the result of `execute`, if it is new."""
 
 
 class _Playing(NamedTuple):
@@ -124,7 +124,7 @@ class _Playing(NamedTuple):
 
 @dc.dataclass
 class _Goal:
-    """Where the group is to be."""
+    """Goal of the group."""
 
     # Positions [rad] or [m] of the independent joints.
     positions: dict[str, float]
@@ -181,12 +181,12 @@ class MotionPlanning:
 
     @property
     def goal(self) -> Mapping[str, float] | None:
-        """Where the joints are to be [rad] or [m], if there is a goal."""
+        """Goal positions of the joints [rad] or [m], None without a goal."""
         return None if self._goal is None else self._goal.positions
 
     @property
     def problem(self) -> str:
-        """What is wrong with the goal, in words."""
+        """Problem of the goal, in words."""
         return "" if self._goal is None else self._goal.problem
 
     @property
@@ -696,7 +696,7 @@ class SimulatedRobots:
         return "cancelled"
 
     def progress(self) -> str:
-        """Say how the goal ended, once."""
+        """Return how the goal ended, once."""
         if self._moving and self._live.simulation.rests(self._moving):
             self._moving = ""
             return "executed"

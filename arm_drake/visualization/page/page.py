@@ -70,7 +70,7 @@ def is_local(name: str) -> bool:
 
 
 class _OwnNames(RequestHandler):
-    """Answers only those who ask for this machine by its own name.
+    """Answers only requests for this machine by its own name.
 
     Else a web site could have its name lead here, and read and move the robot.
     """
@@ -97,7 +97,7 @@ class Files(_OwnNames, StaticFileHandler):
 
 
 class Tunnel(_OwnNames):
-    """Hands on to Meshcat what is asked of it."""
+    """Forwards requests to Meshcat."""
 
     def initialize(self, address: tuple[str, int], streams: set[IOStream]) -> None:
         """Take where Meshcat listens, and where to keep streams that are open."""
@@ -172,7 +172,7 @@ class PanelSocket(_OwnNames, WebSocketHandler):
         self._is_sending = False
 
     def open(self, *args: str, **kwargs: str) -> None:
-        """Tell all that there is."""
+        """Send all present messages."""
         self._clients.add(self)
         for message in self._messages.values():
             self.send(message)
@@ -251,7 +251,7 @@ async def _pump(source: IOStream, sink: IOStream) -> None:
 
 
 async def _pump_control_frames(browser: IOStream, meshcat: IOStream) -> None:
-    """Hand on that a browser is still there, and nothing else of what it says.
+    """Forward a browser's control frames, and nothing else that it sends.
 
     A message that makes no sense ends Drake's Meshcat.
     """
@@ -319,7 +319,7 @@ class PageServer:
 
     @property
     def num_clients(self) -> int:
-        """How many browsers are connected."""
+        """Number of connected browsers."""
         return len(self._clients)
 
     def send(self, message: Message) -> None:
@@ -450,7 +450,7 @@ _MOST_EVENTS = 100
 
 
 class EventQueue:
-    """What happened in browsers and wasn't done yet.
+    """Events of browsers that are still to be handled.
 
     Of a widget with a value the last one counts, up to the next click on one without:
     a slider sends hundreds. What comes when it is full is lost.
@@ -462,7 +462,7 @@ class EventQueue:
         self._events: list[WidgetEvent] = []
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of events."""
         return len(self._events)
 
     def put(self, event: WidgetEvent) -> bool:
@@ -549,7 +549,7 @@ class Page(Scene):
 
     @property
     def num_browsers(self) -> int:
-        """How many browsers show it."""
+        """Number of browsers that show it."""
         return self._server.num_clients
 
     def set_panel(self, title: str, sections: Sequence[Section]) -> None:
@@ -613,7 +613,7 @@ class Page(Scene):
         self._server.send({"type": "labels", "labels": dict(labels)})
 
     def call(self, function: Callable[[], None]) -> None:
-        """Have something done by the thread of the page; any thread may ask.
+        """Have something done by the thread of the page; for any thread.
 
         A signal's handler may ask, too, and has to, if it wants to end a wait: after a
         signal at the end of its time, Python's SimpleQueue may wait for ever.
@@ -621,7 +621,7 @@ class Page(Scene):
         self._calls.put(function)
 
     def events(self, timeout: float) -> list[WidgetEvent]:
-        """Return what happened in browsers, in order; do what threads asked for.
+        """Return the events of browsers, in order; execute the calls of other threads.
 
         Args:
             timeout: How long to wait for the first [s].

@@ -307,7 +307,7 @@ class LinkViews:
 
     @property
     def shown(self) -> tuple[str, ...]:
-        """What is shown."""
+        """Names of the shown views."""
         return tuple(what for what in VIEWS if what in self._shown)
 
     @property
@@ -388,7 +388,7 @@ _DECIMALS = 6
 
 
 class ThingFacts(NamedTuple):
-    """What is known of a thing that moves freely."""
+    """Facts on a thing that moves freely."""
 
     # Where it is drawn, below its kind of drawing: "<model>/<body>".
     path: str
@@ -398,7 +398,7 @@ class ThingFacts(NamedTuple):
 
 
 class LinkReadout:
-    """Tells the pose of one link or thing on a page, and changes as that moves.
+    """Shows the pose of one link or thing on a page, and changes as that moves.
 
     Frames are called as in the choice of the fixed frame: "world", a link, or with
     several robots `<robot>/<link>`. Things have their own names.
@@ -433,13 +433,13 @@ class LinkReadout:
         self._refresh()
 
     def set_relative_to(self, frame: str) -> None:
-        """Tell poses in another frame; raise InputError if there is none."""
+        """Show poses in another frame; raise InputError if it is unknown."""
         check_known("frame", frame, (FIXED_FRAME, *self._names), argument="pose")
         self.relative_to = frame
         self._refresh()
 
     def set_degrees(self, in_degrees: bool) -> None:
-        """Tell angles in degrees, or in radians."""
+        """Show angles in degrees, or in radians."""
         self.in_degrees = in_degrees
         self._refresh()
 

@@ -29,27 +29,27 @@ class Drawn(Protocol):
 
     @property
     def page(self) -> Scene:
-        """Where it is shown."""
+        """Scene that shows it."""
 
     @property
     def simulation(self) -> Simulation:
-        """What runs now; ask for it anew each time, for it may be replaced."""
+        """Present simulation; ask for it anew each time, for it may be replaced."""
 
     @property
     def views(self) -> LiveViews:
-        """What is shown of it, with the readout of a link."""
+        """Its views, with the readout of a link."""
 
 
 class Live(Drawn, Protocol):
-    """What a part knows of the LiveSimulation that it belongs to."""
+    """Interface of the LiveSimulation for its parts."""
 
     @property
     def remotes(self) -> Sequence[Remote]:
-        """What a person can command, one for each controller that takes commands."""
+        """Remotes for a person, one for each controller that takes commands."""
 
     @property
     def scene(self) -> "SimulatedScene | None":
-        """What is simulated, if it is known."""
+        """Simulated scene, if it is known."""
 
     @property
     def can_insert(self) -> bool:
@@ -63,11 +63,11 @@ class Live(Drawn, Protocol):
 
 
 class Viewer(Protocol):
-    """What a part knows of the RobotViewer that it belongs to."""
+    """Interface of the RobotViewer for its parts."""
 
     @property
     def page(self) -> Scene:
-        """Where it is shown."""
+        """Scene that shows it."""
 
     @property
     def robot(self) -> Robot:
@@ -75,10 +75,10 @@ class Viewer(Protocol):
 
     @property
     def positions(self) -> dict[str, float]:
-        """Where its joints are [rad, m]."""
+        """Positions of its joints [rad, m]."""
 
     def note(self, text: str) -> None:
-        """Say something on the page and the terminal."""
+        """Show a line on the page and the terminal."""
 
     def set_positions(self, positions: Mapping[str, float]) -> None:
         """Move joints."""
@@ -119,7 +119,7 @@ class Part(ABC):
         """Do what one of its widgets stands for."""
 
     def changes(self) -> Mapping[str, Mapping[str, Any]]:
-        """Return present fields of widgets, by id; it is asked ten times a second."""
+        """Return present fields of widgets, by id; it is called ten times a second."""
         return {}
 
     def advance(self) -> float:

@@ -85,7 +85,7 @@ class RobotScene:
 
     @property
     def query(self) -> QueryObject:
-        """What there is, and where."""
+        """Query of the present geometries and their poses."""
         port = self.scene_graph.get_query_output_port()
         return port.Eval(self.scene_graph.GetMyContextFromRoot(self._context))
 
@@ -196,7 +196,7 @@ class RobotViewer:
 
     @property
     def ranges(self) -> tuple[JointRange, ...]:
-        """Where joints can be put."""
+        """Ranges of the joints."""
         return self._ranges
 
     @property
@@ -323,7 +323,7 @@ class RobotViewer:
         return self._scene.make_ghost(name, color)
 
     def note(self, text: str) -> None:
-        """Say something on the terminal, and on the page until the next click."""
+        """Print a line, and show it on the page until the next click."""
         self._tell(text)
         self._notes.append(text)
 

@@ -99,7 +99,7 @@ def give_back(meshcat: Meshcat) -> None:
 
 @dataclass(frozen=True)
 class WidgetEvent:
-    """What somebody did in a browser."""
+    """Event of a widget in a browser."""
 
     # The widget's name.
     id: str
@@ -137,7 +137,7 @@ class Scene:
 
     @property
     def num_browsers(self) -> int:
-        """How many browsers show it, where there is a page."""
+        """Number of browsers that show it, where there is a page."""
         return 0
 
     def patch(self, changes: Mapping[str, Mapping[str, Any]]) -> None:

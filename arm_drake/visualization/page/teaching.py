@@ -55,7 +55,7 @@ class WayPoints:
         self._points: list[tuple[float, dict[str, float]]] = []
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of poses."""
         return len(self._points)
 
     def add(self, positions: Mapping[str, float], time: float) -> float:

@@ -258,7 +258,7 @@ _FAR = 1e4
 
 @dataclass(frozen=True)
 class Axis:
-    """A number that a controller is told about a joint, or about something else."""
+    """A number that a controller takes for a joint, or for something else."""
 
     # Such as "joint1/position".
     name: str
