@@ -379,7 +379,7 @@ def encode_hull(points: Array) -> bytes:
 
 
 # Part of every cache key: raise it when the same input gives another output.
-CONVERTER_VERSION = 5
+CONVERTER_VERSION = 6
 
 MESH_SUFFIXES = (".dae", ".glb", ".gltf", ".obj", ".ply", ".stl")
 
