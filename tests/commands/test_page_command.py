@@ -172,8 +172,8 @@ def test_what_was_simulated_is_written_when_meshcat_ends(
     draw = LiveViews.draw
 
     def end_on_the_way(views: LiveViews) -> None:
-        if views._simulation.time > 0.2 and views._scene.is_alive:
-            end_meshcat(views._scene)
+        if views._simulation.time > 0.2 and views.scene.is_alive:
+            end_meshcat(views.scene)
         draw(views)
 
     monkeypatch.setattr(LiveViews, "draw", end_on_the_way)
