@@ -105,6 +105,9 @@ def convert_sdf(text: str, file: Path, report: LoadReport, find: FileFinder) -> 
         found = f"the version {version!r}" if version else "no version"
         problem = f'<sdf> has {found}; expected such as version="1.9"'
         raise DescriptionError(problem, file=file)
+    if model.find("link") is None:
+        what = f"model {attribute(model, 'name')!r} has no <link> of its own"
+        raise DescriptionError(f"{what}; expected a robot's links", file=file)
     is_old = tuple(map(int, version.split("."))) < _AXES_IN_JOINT
     names = [attribute(each, "name") for each in root.iterfind("model")]
     if len(names) > 1:

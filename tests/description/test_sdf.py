@@ -325,6 +325,10 @@ def test_what_is_true_may_be_a_number(tmp_path: Path, yes: str) -> None:
         ),
         ("", "<sdf>: expected a robot's <model>"),
         (
+            '<model name="m"><include><uri>model://arm</uri></include></model>',
+            "model 'm' has no <link> of its own; expected a robot's links",
+        ),
+        (
             '<model name="m"><link name="a"><pose relative_to="tpo"/></link>'
             '<frame name="top"/></model>',
             "model 'm': no link, joint or frame 'tpo'; did you mean 'top'? "
