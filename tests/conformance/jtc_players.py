@@ -22,7 +22,6 @@ from arm_drake.controllers.joint_trajectory.controller import (
     activate,
     deactivate,
     idle,
-    query,
     tick,
 )
 from arm_drake.controllers.joint_trajectory.goals import receive
@@ -34,6 +33,7 @@ from arm_drake.controllers.joint_trajectory.state import (
     JointTrajectoryState,
     TickInputs,
     make_controller_state,
+    make_query_response,
 )
 from arm_drake.description.parameters import Parameter, load_parameters
 from arm_drake.description.report import LoadReport
@@ -400,7 +400,7 @@ class FunctionsPlayer(Player):
             self.write_state()
         elif event["type"] == "service":
             time_ns = Time.of(event["request"]["time"]).to_nanoseconds()
-            self.answers.append(query(self.rules, self.state, time_ns))
+            self.answers.append(make_query_response(self.rules, self.state, time_ns))
             self.state = self.moved_by_query(self.state, time_ns)
         elif event["type"] == "set_params":
             self.flat.update(flatten(event["params"]))

@@ -11,7 +11,6 @@ from arm_drake.controllers.joint_trajectory.controller import (
     activate,
     deactivate,
     idle,
-    query,
     tick,
 )
 from arm_drake.controllers.joint_trajectory.state import (
@@ -19,6 +18,7 @@ from arm_drake.controllers.joint_trajectory.state import (
     JointTrajectoryState,
     TickInputs,
     make_controller_state,
+    make_query_response,
 )
 from arm_drake.messages import (
     CancelGoal,
@@ -316,7 +316,7 @@ def moving_to(*points: tuple[float, Any]) -> tuple[Any, JointTrajectoryState]:
 def test_a_query_is_answered_with_what_is_planned() -> None:
     rules, state = moving_to((1.0, (2.1, 3.1, 4.1)))
 
-    answer = query(rules, state, 500_000_000)
+    answer = make_query_response(rules, state, 500_000_000)
 
     assert answer.success
     assert answer.message == ""
@@ -329,7 +329,7 @@ def test_a_query_is_answered_with_what_is_planned() -> None:
 def test_a_query_after_the_end_fails_with_the_last_point() -> None:
     rules, state = moving_to((1.0, (2.1, 3.1, 4.1)))
 
-    answer = query(rules, state, 1_000_000_000)
+    answer = make_query_response(rules, state, 1_000_000_000)
 
     assert not answer.success
     assert answer.message == "the trajectory ends before 1000000000 ns"
@@ -340,7 +340,7 @@ def test_a_query_after_the_end_fails_with_the_last_point() -> None:
 def test_a_query_before_the_start_fails_with_what_was_measured() -> None:
     rules, state = moving_to((1.0, (2.1, 3.1, 4.1)))
 
-    answer = query(rules, state, -1)
+    answer = make_query_response(rules, state, -1)
 
     assert not answer.success
     assert answer.message == "the trajectory starts after -1 ns"
@@ -352,7 +352,7 @@ def test_a_query_of_an_inactive_controller_fails_with_nothing() -> None:
     rules, state = moving_to((1.0, (2.1, 3.1, 4.1)))
     state = deactivate(rules, state)
 
-    answer = query(rules, state, 500_000_000)
+    answer = make_query_response(rules, state, 500_000_000)
 
     assert not answer.success
     assert answer.message == INACTIVE
@@ -364,7 +364,7 @@ def test_a_query_before_the_first_tick_fails() -> None:
     rules = make_rules()
     state = activate(rules, JointTrajectoryState(), inputs_at(0))
 
-    answer = query(rules, state, 0)
+    answer = make_query_response(rules, state, 0)
 
     assert not answer.success
     assert answer.message == "there is no trajectory yet"
@@ -374,7 +374,7 @@ def test_a_query_before_the_first_tick_fails() -> None:
 def test_a_tick_after_a_query_is_as_without() -> None:
     rules, state = moving_to(*((t, (t, t, t)) for t in (0.1, 0.2, 0.3)))
 
-    query(rules, state, 250_000_000)
+    make_query_response(rules, state, 250_000_000)
 
     assert ticks(rules, state, 1, 5).command[0] == pytest.approx(1.1 - 1.0 * 0.5)
 

@@ -74,10 +74,10 @@ from arm_drake.controllers.joint_trajectory.state import (
     errors_of,
     make_command,
     make_controller_state,
+    make_query_response,
     present_commands,
     take_snapshot,
 )
-from arm_drake.controllers.joint_trajectory.state import make_query_response as query
 from arm_drake.controllers.topics import new_messages, new_parameters
 from arm_drake.messages import (
     NANOSECONDS,
@@ -643,7 +643,8 @@ class JointTrajectoryController(
     def query_state(self, context: Context, time: TimeLike) -> QueryTrajectoryState:
         """Return what is planned for a time: the service `query_state`."""
         inbox, state = self._state(context)
-        return query(inbox.rules, state, Time.of(time).to_nanoseconds())
+        time_ns = Time.of(time).to_nanoseconds()
+        return make_query_response(inbox.rules, state, time_ns)
 
     def find_lasting_fault(self, context: Context, message: object) -> str:
         """Return why the last tick's rules refuse a trajectory whenever it comes."""
