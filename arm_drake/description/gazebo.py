@@ -122,22 +122,22 @@ class GazeboPlugin:
 
         Perception is what cameras and lidars see.
         """
-        return _SENSOR_LIBRARIES.get(self.library, "")
+        return _SENSOR_LIBRARIES.get(self.stem, "")
 
     @property
     def is_realsense(self) -> bool:
         """Whether it publishes what the sensors of a RealSense see, by their names."""
-        return self.library == _REALSENSE
+        return self.stem == _REALSENSE
 
     @property
     def is_moving(self) -> bool:
         """Whether it would move the robot, but nothing stands in for it."""
-        return _MOVING.fullmatch(self.library) is not None
+        return _MOVING.fullmatch(self.stem) is not None
 
     @property
     def is_mimic(self) -> bool:
         """Whether it lets a joint follow another one."""
-        return _MIMIC.fullmatch(self.library) is not None
+        return _MIMIC.fullmatch(self.stem) is not None
 
     @property
     def sensor_system(self) -> str:
@@ -145,34 +145,34 @@ class GazeboPlugin:
 
         That is "sensors", which are cameras and lidars, or a type; "" is none.
         """
-        match = _SENSORS.fullmatch(self.library)
+        match = _SENSORS.fullmatch(self.stem)
         return match["kind"] if match else ""
 
     @property
-    def library(self) -> str:
-        """Its library without "lib" and ".so"."""
+    def stem(self) -> str:
+        """Name of its library, without "lib" and ".so"."""
         library = re.split(r"[/\\]", self.filename)[-1]
         return library.removesuffix(".so").removeprefix("lib")
 
     @property
     def kind(self) -> str:
         """Its key in `KINDS`; "other" if it neither moves nor reports joints."""
-        library = self.library
-        if _ROS2_CONTROL.fullmatch(library):
+        stem = self.stem
+        if _ROS2_CONTROL.fullmatch(stem):
             return "ros2_control"
-        if match := _SYSTEM.fullmatch(library):
+        if match := _SYSTEM.fullmatch(stem):
             kind = match["kind"].replace("-", "_")
         elif match := _CLASS.fullmatch(self.name):
             kind = re.sub(r"(?<=.)(?=[A-Z])", "_", match["kind"]).lower()
         else:
-            kind = library if library.startswith("gazebo_ros_") else "other"
+            kind = stem if stem.startswith("gazebo_ros_") else "other"
         other = "ros2_control" if self.is_like_ros2_control else "other"
         return kind if kind in KINDS else other
 
     @property
     def is_like_ros2_control(self) -> bool:
         """Whether it has a controllers YAML as ros2_control's own, but another name."""
-        return _ROS2_CONTROL.fullmatch(self.library) is None and any(
+        return _ROS2_CONTROL.fullmatch(self.stem) is None and any(
             name.endswith((".yaml", ".yml")) for name in self.texts("parameters")
         )
 

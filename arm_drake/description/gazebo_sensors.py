@@ -294,7 +294,7 @@ class _ImuReader(SensorReader):
 
     def _of_classic(self, tag: ImuSensorTag, plugin: GazeboPlugin) -> ImuSensorTag:
         """Return an IMU as the plugin of Gazebo Classic publishes it."""
-        if plugin.library != PLAIN_IMU:
+        if plugin.stem != PLAIN_IMU:
             what = f"plugin {plugin.filename!r}"
             done = "run as libgazebo_ros_imu_sensor.so, whose accelerations are less "
             done += "that of free fall: 9.81 upwards at rest"
