@@ -649,8 +649,8 @@ def add_camera(
 ) -> Robot:
     """Return a robot with one more camera.
 
-    Its topics are `/<name>/image`, `/<name>/depth_image`, `/<name>/points` and
-    `/<name>/camera_info`, as far as it has them.
+    Its topics are `image`, `depth_image`, `points`, `segmentation/labels_map`,
+    `segmentation/colored_map` and `camera_info` below `/<name>`, as far as it has them.
 
     Args:
         robot: The robot, which stays as it is.
@@ -678,7 +678,7 @@ def add_camera(
         link=link,
         pose=X_LS,
         update_rate=update_rate,
-        topic=name if kind == "segmentation" else name + _TOPICS[kind][0],
+        topic=f"{name}{_TOPICS[kind][0]}",
         noise=Noise(stddev=noise),
         kind=kind,
         horizontal_fov=horizontal_fov,
