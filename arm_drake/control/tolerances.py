@@ -190,11 +190,13 @@ def exceeds(
 
 
 def _resolve_joints(
-    requested: Iterable[JointTolerance],
+    requested: Sequence[JointTolerance],
     joints: Sequence[str],
     defaults: StateTolerances,
     where: str,
 ) -> StateTolerances:
+    if not requested:
+        return defaults
     arrays = {field: getattr(defaults, field).copy() for field in _FIELDS}
     for tolerance in requested:
         if tolerance.name not in joints:

@@ -620,7 +620,8 @@ class ControllerManager(PythonSystem):
 
     def _calc_inputs(self, context: Context, output: AbstractValue) -> None:
         requests = messages_on(self._switch, context, SwitchController)
-        output.set_value(self._keeper.read_inputs(context, requests))
+        inboxes = tuple(port.Eval(context) for port in self._keeper.inboxes)
+        output.set_value(ManagerInputs(requests, inboxes))
 
     def _calc_cycle(self, context: Context, output: AbstractValue) -> None:
         output.set_value(self._find_cycle(context, self._present.Eval(context)))
@@ -634,16 +635,13 @@ class ControllerManager(PythonSystem):
         readings = Readings(state, inputs, partial(self._measured.Eval, context))
         return self._loop.begin(readings, number, *times)
 
-    def _go_on(self, context: Context, base: ManagerState, numbers: Array) -> bool:
+    def _go_on(self, context: Context, steady: SteadyCycles, numbers: Array) -> bool:
         """Write a cycle that is known ahead; return whether it is.
 
         `numbers` are those of the last cycle, and then of this one.
         """
-        steady = self._quiet.steady_cycles(base)
-        if steady is None:
-            return False
         number = int(numbers.item(CycleNumbers.NUMBER)) + 1
-        if not steady.is_known(number):
+        if number >= steady.end_ahead:
             return False
         if abs(context.get_time() / self.period - number) > TOLERANCE:
             return False
@@ -675,20 +673,20 @@ class ControllerManager(PythonSystem):
         return cycle_time(number, self.period, self._update_rate)
 
     def _tick_steadily(
-        self, context: Context, base: ManagerState, numbers: Array
+        self, context: Context, steady: SteadyCycles, numbers: Array
     ) -> SteadyCycles | None:
         """Write a steady cycle; return its kind, None where a cycle isn't steady.
 
         `numbers` are those of the last cycle, and then of this one.
         """
-        steady, layout = self._quiet.steady_cycles(base), self.numbers
-        if steady is None or self._inputs.Eval(context) is not steady.inputs:
+        if self._inputs.Eval(context) is not steady.inputs:
             return None
-        number = int(numbers.item(CycleNumbers.NUMBER)) + 1
+        layout, number = self.numbers, int(numbers.item(CycleNumbers.NUMBER)) + 1
         # What `cycle_at` says, without a call.
         if abs(context.get_time() / self.period - number) > TOLERANCE:
             return None
-        time_ns, is_first = self._find_time(number), number == base.cycle.number + 1
+        is_first = number == steady.base.cycle.number + 1
+        time_ns = self._find_time(number)
         if time_ns >= steady.until_ns:
             return None
         if time_ns >= steady.monitor_ns:
@@ -762,8 +760,9 @@ class ControllerManager(PythonSystem):
             self._numbers_index
         )
         base = self._state(context)
-        if not self._go_on(context, base, numbers):
-            self._tick_anew(context, base, state, numbers)
+        steady = self._quiet.steady_cycles(base)
+        if steady is None or not self._go_on(context, steady, numbers):
+            self._tick_anew(context, base, steady, state, numbers)
         if self._stored is not None:
             values = numbers[self.numbers.values]
             stored = context.get_discrete_state(self._stored).value()
@@ -772,12 +771,18 @@ class ControllerManager(PythonSystem):
             )
 
     def _tick_anew(
-        self, context: Context, base: ManagerState, state: State, numbers: Array
+        self,
+        context: Context,
+        base: ManagerState,
+        steady: SteadyCycles | None,
+        state: State,
+        numbers: Array,
     ) -> None:
         """Write a cycle that isn't known ahead; nothing between two cycles."""
         index = self._state_index
         is_present = numbers[CycleNumbers.NUMBER] == base.cycle.number
-        steady = self._tick_steadily(context, base, numbers)
+        if steady is not None:
+            steady = self._tick_steadily(context, steady, numbers)
         if steady is not None:
             if steady.base is not base:
                 state.get_mutable_abstract_state(index).set_value(steady.base)

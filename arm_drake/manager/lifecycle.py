@@ -404,14 +404,6 @@ class TickKeeper:
         """Return the results before the first cycle."""
         return {name: m.system.first_result for name, m in self._members.items()}
 
-    def read_inputs(
-        self, context: Context, requests: tuple[SwitchController, ...]
-    ) -> ManagerInputs:
-        """Return what lies on all ports."""
-        return ManagerInputs(
-            requests, tuple(port.Eval(context) for port in self.inboxes)
-        )
-
     def run(
         self,
         context: Context,

@@ -188,7 +188,7 @@ class SteadyCycles:
         self._judging = [c.ticks for c in controllers if c.ticks.is_judging]
         self.is_judging = bool(self._judging)
         # The first cycle that isn't looked up.
-        self._end_ahead = 0
+        self.end_ahead = 0
         self._limit_ahead()
 
     @classmethod
@@ -316,11 +316,7 @@ class SteadyCycles:
         if self._ahead is not None:
             until_ns = min(self.until_ns, self.monitor_ns)
             end = bisect_left(self._ahead.times_ns, until_ns)
-            self._end_ahead = self._ahead.first + end
-
-    def is_known(self, number: int) -> bool:
-        """Return whether a cycle may be computed ahead, and no report is due."""
-        return number < self._end_ahead
+            self.end_ahead = self._ahead.first + end
 
     def find(self, number: int, numbers: Array) -> Array | None:
         """Return what a cycle writes if it is computed ahead, else None.

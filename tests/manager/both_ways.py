@@ -134,22 +134,22 @@ def compare(count: Count, monkeypatch: pytest.MonkeyPatch) -> None:
         assert written[at].tobytes() == numbers[at].tobytes()
 
     def tick_in_numbers(
-        manager: ControllerManager, context: Any, base: Any, numbers: Any
+        manager: ControllerManager, context: Any, steady: Any, numbers: Any
     ) -> Any:
-        steady = tick_steadily(manager, context, base, numbers)
+        steady = tick_steadily(manager, context, steady, numbers)
         if steady is not None:
             count.num_steady += 1
             check(manager, context, steady, numbers)
         return steady
 
     def tick_ahead(
-        manager: ControllerManager, context: Any, base: Any, numbers: Any
+        manager: ControllerManager, context: Any, steady: Any, numbers: Any
     ) -> bool:
-        is_known = go_on(manager, context, base, numbers)
+        is_known = go_on(manager, context, steady, numbers)
         if is_known:
             count.num_steady += 1
             count.num_ahead += 1
-            check(manager, context, manager._quiet._steady, numbers)
+            check(manager, context, steady, numbers)
         return is_known
 
     monkeypatch.setattr(ControllerManager, "_go_on", tick_ahead)

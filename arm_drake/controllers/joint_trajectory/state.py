@@ -134,13 +134,15 @@ def _fault_in_end(
             "or allow_nonzero_velocity_at_trajectory_end set"
         )
     stamp_ns = message.header.stamp.to_nanoseconds()
+    if stamp_ns == 0:
+        return None
     end_ns = stamp_ns + last.time_from_start.to_nanoseconds()
-    if stamp_ns != 0 and end_ns < now_ns:
-        return (
-            f"ends in the past: at {end_ns / NANOSECONDS} s, and it is "
-            f"{now_ns / NANOSECONDS} s; a stamp of 0 starts now"
-        )
-    return None
+    if end_ns >= now_ns:
+        return None
+    return (
+        f"ends in the past: at {end_ns / NANOSECONDS} s, and it is "
+        f"{now_ns / NANOSECONDS} s; a stamp of 0 starts now"
+    )
 
 
 def _fault_in_points(message: JointTrajectory, rules: TrajectoryRules) -> str | None:
@@ -157,7 +159,7 @@ def _fault_in_points(message: JointTrajectory, rules: TrajectoryRules) -> str | 
         if fault:
             return f"points[{index}].{fault}"
         before = point
-    return _fault_in_jumps(message, rules)
+    return _fault_in_jumps(message, rules) if rules.needed else None
 
 
 def _fault_in_jumps(message: JointTrajectory, rules: TrajectoryRules) -> str | None:
