@@ -3,10 +3,12 @@
 import argparse
 import contextlib
 import dataclasses as dc
+import importlib.util
 import json
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pydrake.geometry import Meshcat
@@ -41,6 +43,7 @@ from arm_drake.options import SimulationOptions
 from arm_drake.output_files import PLOT_KINDS
 from arm_drake.plant.payloads import Payload
 from arm_drake.plant.plant import use_native_logging
+from arm_drake.rollout.rollout import ClientInput, Rollout
 from arm_drake.scene import Scene, load_scene
 from arm_drake.simulation.motion import Motion, default_duration
 from arm_drake.simulation.motion_files import find_motion
@@ -60,6 +63,10 @@ if TYPE_CHECKING:
     from arm_drake.visualization.page import Scene as MeshcatScene
     from arm_drake.visualization.page.live_simulation import LiveSimulation
     from arm_drake.visualization.page.live_views import LiveViews
+    from arm_drake.wire.server import RosServer
+
+# Longer than anybody waits [s].
+_ENDLESS = 1e8
 
 
 def simulation_options(options: argparse.Namespace) -> SimulationOptions:
@@ -300,21 +307,105 @@ def _simulate_served(
     options: argparse.Namespace, scene: Scene, duration: float | None, say: Speaker
 ) -> int:
     """Simulate without a page, for programs outside; return the exit code."""
-    # Not at the top: nothing of it is needed else.
-    from arm_drake.commands.ros import run_served, serve
-
     if needs_recording(options) or options.screenshot:
         text = "--record, --video and --screenshot are for runs without --ros"
         raise InputError(f"{text} or --inputs, or with a page")
     _check_nothing_shown(options)
     simulation = _prepare(options, scene, None, say)
-    with serve(options, simulation, say) as server:
+    with _serve(options, simulation, say) as server:
         wall_time = _measure(
-            lambda: run_served(options, server, duration, scene.motion, say),
+            lambda: _run_served(options, server, duration, scene.motion, say),
             simulation,
             say,
         )
     return _finish(options, simulation, wall_time, None, say)
+
+
+def _serve(
+    options: argparse.Namespace,
+    simulation: Simulation,
+    say: Speaker,
+    live: "LiveSimulation | None" = None,
+) -> "RosServer":
+    """Return what lets others in, and say where."""
+    # Not at the top: nothing of it is needed else.
+    from arm_drake.wire.server import LOOPBACK, RosServer
+
+    inputs, host = _read_inputs(options.inputs), options.ros_host or "127.0.0.1"
+    server = RosServer(
+        simulation,
+        () if options.ros is None else options.ros or _default_transports(),
+        host=host,
+        domain=options.ros_domain or 0,
+        origins=options.ros_origin,
+        controls=live,
+        keep_clock=not options.ros_reset_clock,
+        # A page keeps its own history.
+        history=None if live is not None else history_of(options),
+        inputs=inputs,
+    ).start()
+    if options.ros is not None and host not in LOOPBACK:
+        text = "whoever reaches this machine can move the robot"
+        print(f"warning: --ros-host {host}: {text}", file=sys.stderr)
+    for line in server.addresses:
+        say.page(line)
+    for name in server.graph.left_out:
+        text = "no message of ROS can tell it; it is left out"
+        print(f"warning: topic {name!r}: {text}", file=sys.stderr)
+    return server
+
+
+def _default_transports() -> str:
+    """Return the transports of a plain `--ros`."""
+    has_foxglove = importlib.util.find_spec("foxglove") is not None
+    return "rosbridge,foxglove" if has_foxglove else "rosbridge"
+
+
+def _read_inputs(path: Path | None) -> Iterable[ClientInput]:
+    if path is None:
+        return ()
+    inputs = Rollout.load(path).inputs
+    if not inputs:
+        text = "no program outside sent anything in this run; expected a log of --ros"
+        raise InputError(text, file=path)
+    return inputs
+
+
+def _length_of(rollout: Rollout, motion: Motion | None) -> float:
+    """Return how long a run was [s], with what came in last."""
+    ends = [float(rollout.time[-1]), *(each.time for each in rollout.inputs)]
+    if motion is not None and not motion.tasks:
+        ends.append(default_duration(motion))
+    return max(ends)
+
+
+def _run_served(
+    options: argparse.Namespace,
+    server: "RosServer",
+    duration: float | None,
+    motion: Motion | None,
+    say: Speaker,
+) -> None:
+    """Simulate as the command line says, until Ctrl-C if it says no end."""
+    from arm_drake.wire.server import run
+
+    if options.ros is not None:
+        rate = 1.0 if options.rate is None else options.rate
+    else:
+        rate = options.rate or 0.0
+    if duration is None:
+        say.line("simulating until Ctrl-C")
+    elif options.ros is None and options.duration is None:
+        # As long as the run was.
+        duration = _length_of(Rollout.load(options.inputs), motion)
+        duration += server.simulation.period
+    run(
+        server,
+        _ENDLESS if duration is None else duration,
+        motion=motion,
+        realtime_rate=rate,
+        progress=say.progress,
+    )
 
 
 def _check_nothing_shown(options: argparse.Namespace) -> None:
@@ -456,9 +547,7 @@ def _let_in(
 ) -> None:
     """Let programs outside in, if they may."""
     if options.ros is not None or options.inputs is not None:
-        from arm_drake.commands.ros import serve
-
-        live.ros = stack.enter_context(serve(options, live.simulation, say, live))
+        live.ros = stack.enter_context(_serve(options, live.simulation, say, live))
 
 
 def _build(scene: Scene, meshcat: Meshcat | None) -> Diagram:
