@@ -61,6 +61,7 @@ from arm_drake.hardware.drives import check_model
 from arm_drake.hardware.mobile_bases import RobotBases
 from arm_drake.manager.hardware_interfaces import find_hardware_interfaces
 from arm_drake.manager.loading import load_controllers
+from arm_drake.worlds.sdf_files import ModelFinder
 
 # What names of distributions without rules of their own are taken as.
 _DISTRO_ALIASES = {
@@ -307,8 +308,6 @@ def as_urdf(text: str, file: Path, folders: Sequence[Path], report: LoadReport) 
     """
     if not is_sdf(text):
         return declare_prefixes(text)
-    from arm_drake.worlds.sdf_files import ModelFinder  # Few robots are SDF.
-
     return convert_sdf(text, file, report, ModelFinder(file, folders).find_file)
 
 

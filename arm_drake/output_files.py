@@ -44,6 +44,14 @@ def check_writable(path: Path) -> None:
         path.resolve().unlink()  # A link to it was there before.
 
 
+def find_free_path(stem: str) -> Path:
+    """Return the YAML file of stem, stem_2, ... that isn't in the working folder."""
+    path, number = Path(f"{stem}.yaml"), 2
+    while path.exists():
+        path, number = Path(f"{stem}_{number}.yaml"), number + 1
+    return path
+
+
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[None]:
     """Turn what the system says about a file into an OutputError."""

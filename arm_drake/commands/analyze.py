@@ -15,7 +15,6 @@ from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
 from arm_drake.options import SimulationOptions
 from arm_drake.output_files import check_plot_path, check_writable
-from arm_drake.visualization.analysis_plots import plot_bode
 
 # How far responses may be off within the region that is told, of their height.
 _TOLERANCE = 0.05
@@ -158,6 +157,9 @@ def _margins(margins: Margins) -> tuple[float, float]:
 
 
 def _plot(path: Path, model: LinearModel) -> None:
+    # Not at the top: who draws nothing must not wait for matplotlib.
+    from arm_drake.visualization.analysis_plots import plot_bode
+
     at = model.frequencies()
     kinds = {
         "from command to position": ("command", model.commanded),

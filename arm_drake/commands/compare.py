@@ -10,7 +10,6 @@ from typing import Any
 from arm_drake.output_files import check_plot_path, check_writable
 from arm_drake.rollout.comparison import Comparison, compare
 from arm_drake.rollout.rollout import TIME, Rollout
-from arm_drake.visualization.analysis_plots import plot_comparison
 
 # Exit codes.
 _EQUAL, _DIFFERENT = 0, 1
@@ -81,6 +80,9 @@ def to_text(found: Comparison) -> str:
 
 def _plot(path: Path, a: Rollout, b: Rollout, found: Comparison) -> None:
     """Draw the quantities that differ most."""
+    # Not at the top: who draws nothing must not wait for matplotlib.
+    from arm_drake.visualization.analysis_plots import plot_comparison
+
     names = [column.name for column in found.different[:_MAX_PANELS]]
     parts = []
     for rollout in (a, b):

@@ -16,7 +16,6 @@ from arm_drake.batch.statistics import mean_interval, rate_interval
 from arm_drake.batch.study import Study, load_study
 from arm_drake.errors import InputError, MissingExtraError
 from arm_drake.output_files import check_writable, writing
-from arm_drake.visualization.analysis_plots import plot_study
 
 # So many of the worst runs are named.
 _MOST_NAMED = 3
@@ -53,6 +52,9 @@ def run_study(options: argparse.Namespace) -> int:
         return 130
     table = _tabulate(results, values, study.measures.names)
     _write(folder / TABLE, table)
+    # Not at the top: the runs must not wait for matplotlib.
+    from arm_drake.visualization.analysis_plots import plot_study
+
     plot_study(folder / PICTURE, table, study.measures.names)
     content = _summarize(study, results, table, options)
     if options.json:

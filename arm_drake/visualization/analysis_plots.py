@@ -1,13 +1,25 @@
-"""Plots of linear models, of two rollouts and of studies, with matplotlib."""
+"""Plots of linear models, of two rollouts and of studies.
+
+They import matplotlib, so that who draws nothing must not import them.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 
 from arm_drake.arrays import Array
 from arm_drake.output_files import check_plot_path, writing
+from arm_drake.visualization.plot_panels import (
+    LIMIT,
+    MEASURED,
+    add_legend,
+    draw_line,
+    make_picture,
+    shorten,
+)
 
 _BODE_SIZE = (11.0, 6.5)  # inches
 
@@ -21,9 +33,6 @@ def plot_bode(
     of the column and the name of the joint. It may raise OutputError.
     """
     check_plot_path(path)
-    # Not at the top: an analysis without a picture must not wait for matplotlib.
-    from arm_drake.visualization.plot_panels import make_picture
-
     picture = make_picture(*_BODE_SIZE)
     panels = picture.subplots(2, len(responses), sharex=True, squeeze=False)
     hertz = frequencies / (2.0 * np.pi)
@@ -62,16 +71,6 @@ def plot_comparison(
     quantity; `remark` stands there if nothing is drawn. It may raise OutputError.
     """
     check_plot_path(path)
-    # Not at the top: a comparison without a picture must not wait for matplotlib.
-    from arm_drake.visualization.plot_panels import (
-        LIMIT,
-        MEASURED,
-        add_legend,
-        draw_line,
-        make_picture,
-        shorten,
-    )
-
     rows = max(1, len(names))
     picture = make_picture(
         2.0 * _COMPARISON_PANEL[0], _COMPARISON_PANEL[1] * rows + 0.8
@@ -116,9 +115,6 @@ def plot_study(
     measure. It may raise OutputError.
     """
     check_plot_path(path)
-    # Not at the top: a study without a picture must not wait for matplotlib.
-    from arm_drake.visualization.plot_panels import make_picture
-
     varied = [
         name
         for name, value in table[0].items()
@@ -152,8 +148,6 @@ def plot_study(
 
 def _draw_parallel(panel: Any, numbers: Mapping[str, Any], first: str) -> None:
     """Draw a line for each run, each axis from its least to its largest number."""
-    from matplotlib import colormaps
-
     parts = {}
     for name, values in numbers.items():
         known = values[np.isfinite(values)]

@@ -13,6 +13,7 @@ from pydrake.systems.framework import Diagram
 
 from arm_drake.errors import InputError
 from arm_drake.messages import CancelResponse, GoalStatus, SwitchControllerResult
+from arm_drake.output_files import find_free_path
 from arm_drake.scene import Scene
 from arm_drake.simulation.continuation import continue_with
 from arm_drake.simulation.mailbox import GoalHandle, SimulationEvent
@@ -435,10 +436,7 @@ class LiveSimulation:
         """
         if self.scene is None:
             raise InputError("no scene was given that could be saved")
-        # Not at the top: it brings plans' timing.
-        from arm_drake.visualization.page.teaching import find_free_name
-
-        path = find_free_name("scene")
+        path = find_free_path("scene")
         self.scene.at(self.simulation).save(path)
         self.note(f"scene saved: {path}")
         return path

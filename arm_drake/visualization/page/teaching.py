@@ -6,10 +6,9 @@ from typing import Any
 
 import yaml
 
-from arm_drake.description.elements import free_name
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
-from arm_drake.output_files import writing
+from arm_drake.output_files import find_free_path, writing
 from arm_drake.planning.groups import joints_of
 from arm_drake.planning.timing import motion_limits
 from arm_drake.simulation.motion_files import parse_motion
@@ -36,11 +35,6 @@ def find_trajectory_controllers(robot: Robot) -> dict[str, tuple[str, ...]]:
         if controller.type.endswith(_CONTROLLER) and joints and set(joints) <= own:
             found[controller.name] = joints
     return found
-
-
-def find_free_name(stem: str) -> Path:
-    """Return the YAML file of stem, stem_2, ... that isn't in the working folder."""
-    return Path(f"{free_name(stem, lambda name: Path(f'{name}.yaml').exists())}.yaml")
 
 
 class WayPoints:
@@ -173,7 +167,7 @@ class Teaching(Part):
         files = []
         for name, points in self.way_points.items():
             stem = "motion" if len(self.way_points) == 1 else f"motion_{name}"
-            path = find_free_name(stem.replace("/", "_"))
+            path = find_free_path(stem.replace("/", "_"))
             with writing(path):
                 path.write_text(points.text(), encoding="utf-8")
             self._note(f"motion saved: {path}; play it by --motion {path}")
