@@ -212,8 +212,7 @@ class ControllerInterface(PythonSystem):
     def _read(self, context: Context) -> Array:
         """Return the measured `state_interfaces`; NaN where there is none.
 
-        Raises:
-            InputError: If there is none and no manager that keeps it inactive.
+        Without a manager, which would keep it inactive, that is an InputError.
         """
         if self._read_at is not None:
             return self._measured.Eval(context)[self._read_at]
@@ -607,12 +606,7 @@ class TickingController(ControllerInterface, Generic[S]):
 
     @abstractmethod
     def _update(self, now: UpdateContext, state: S) -> S:
-        """Return the state after a tick.
-
-        Args:
-            now: The time, and where the inputs are read.
-            state: State after the last tick.
-        """
+        """Return the state after a tick; `now` has the time and what it reads."""
 
     def _activate(self, now: UpdateContext, state: S) -> S:
         """Return the state at the start of an activation, before its first tick."""
