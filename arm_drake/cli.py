@@ -252,7 +252,8 @@ def _list(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from arm_drake.commands.check import check
+    with unbroken(), without_collection():
+        from arm_drake.commands.check import check
 
     robot = load_robot_of(options)
     return check(robot, strict=options.strict, as_json=options.json)
@@ -286,7 +287,8 @@ def _launch(options: argparse.Namespace) -> int:
 
 
 def _graph(options: argparse.Namespace) -> int:
-    from arm_drake.commands.graph import run_graph
+    with unbroken(), without_collection():
+        from arm_drake.commands.graph import run_graph
 
     return run_graph(options, functools.partial(load_robot_of, options))
 
@@ -299,7 +301,8 @@ def _replay(options: argparse.Namespace) -> int:
 
 
 def _compare(options: argparse.Namespace) -> int:
-    from arm_drake.commands.compare import run_compare
+    with unbroken(), without_collection():
+        from arm_drake.commands.compare import run_compare
 
     return run_compare(options)
 

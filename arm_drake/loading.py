@@ -1,5 +1,6 @@
 """Loading of a robot: from a package on the disk to a Robot, stage by stage."""
 
+import contextlib
 import dataclasses as dc
 import math
 import os
@@ -302,31 +303,24 @@ def _expand(loading: _Loading, xacro_args: Mapping[str, str]) -> str:
     xacro runs in a process of its own. Meanwhile this one imports what tries the robot,
     which takes it as long.
     """
-    expanded: list[str | BaseException] = []
 
-    def expand() -> None:
-        try:
-            text = expand_xacro(
-                loading.entry,
-                xacro_args,
-                loading.packages,
-                loading.report,
-                files=loading.files,
-                places=loading.places,
-            )
-        except BaseException as error:  # It is raised below.
-            expanded.append(error)
-        else:
-            expanded.append(text)
+    def import_meanwhile() -> None:
+        with contextlib.suppress(Exception):  # It comes again where it is imported.
+            import_trial()
 
-    thread = Thread(target=expand)
+    thread = Thread(target=import_meanwhile)
     thread.start()
-    import_trial()
-    thread.join()
-    (text,) = expanded
-    if isinstance(text, BaseException):
-        raise text
-    return text
+    try:
+        return expand_xacro(
+            loading.entry,
+            xacro_args,
+            loading.packages,
+            loading.report,
+            files=loading.files,
+            places=loading.places,
+        )
+    finally:
+        thread.join()
 
 
 def import_trial() -> None:

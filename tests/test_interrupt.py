@@ -285,3 +285,24 @@ def test_ctrl_c_ends_a_plan_in_half_a_second() -> None:
     assert rest.endswith("arm-drake: interrupted\n")
     # Of the processor, as others may want it, too.
     assert used.ru_utime + used.ru_stime - before < 0.5
+
+
+@pytest.mark.slow
+def test_ctrl_c_ends_xacro_too(tmp_path: Path) -> None:
+    # It would take longer than it may; the signal is for the command alone.
+    endless = "len([n for n in range(10**12) if n &lt; 0])"
+    robot = tmp_path / "arm.xacro"
+    robot.write_text(
+        '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="arm">'
+        f'<link name="${{{endless}}}"/></robot>'
+    )
+    command = [sys.executable, "-m", "arm_drake", "check", str(robot)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        parent = psutil.Process(process.pid)
+        wait_until(lambda: any(c.cpu_times().user > 0.2 for c in parent.children()))
+        (child,) = parent.children()
+        process.send_signal(signal.SIGINT)
+        _, error = process.communicate(timeout=PATIENCE)
+
+    assert (process.returncode, error) == (130, "arm-drake: interrupted\n")
+    assert not child.is_running() or child.status() == psutil.STATUS_ZOMBIE

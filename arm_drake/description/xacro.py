@@ -8,6 +8,7 @@ xacro stops at the first thing that is missing. To list everything in one messag
 files that can be reached are read without expanding them, too.
 """
 
+import atexit
 import contextlib
 import dataclasses as dc
 import errno
@@ -309,10 +310,16 @@ def expand_ahead(path: Path, args: Mapping[str, str]) -> None:
 
     It has a process of its own. What is imported meanwhile takes as long.
     """
-    while _ahead:
-        _ahead.pop().cancel()
+    _cancel_ahead()
     if path.suffix == ".xacro":
         _ahead.append(_Expansion(path, args))
+        atexit.register(_cancel_ahead)
+
+
+def _cancel_ahead() -> None:
+    atexit.unregister(_cancel_ahead)
+    while _ahead:
+        _ahead.pop().cancel()
 
 
 def _run(path: Path, args: Mapping[str, str], packages: PackageFinder) -> Any:
