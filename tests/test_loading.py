@@ -677,6 +677,29 @@ def test_of_two_files_in_the_config_folder_none_is_taken_and_both_are_named(pack
     ]
 
 
+@pytest.mark.parametrize(
+    "other",
+    [
+        "controller_manager: {ros__parameters: {update_rate: 500}}",
+        "controller_manager: {ros__parameters: {hand: {type: "
+        "position_controllers/GripperActionController}}}\n"
+        "hand: {ros__parameters: {joint: finger}}",
+    ],
+)
+def test_of_two_files_the_one_with_controllers_of_the_joints_is_taken(package, other):
+    file = controllers_with(package)
+    left = write(package / "config" / "z.yaml", other)
+
+    robot = ad.load_robot(package)
+
+    assert robot.controllers.files == (file,)
+    assert lines(robot) == [
+        f"info: {package / 'urdf' / 'arm.urdf'}: the description names no controllers "
+        f"YAML; others: {left}; taken: {file}, the only one with controllers of its "
+        "joints"
+    ]
+
+
 @pytest.mark.parametrize("uri", ["nope.yaml", ".", "file:///nope/%20.yaml", "n" * 5000])
 def test_a_missing_parameters_file_is_reported(package, uri):
     file = arm_with(package, plugin(uri))

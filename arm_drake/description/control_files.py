@@ -134,6 +134,15 @@ def _controllers_in_package(
     ]
     # Types in a section for all nodes may be of something else.
     candidates = list(filter(_has_manager, candidates)) or candidates
+    others = candidates
+    if len(candidates) > 1:
+        # Some have the manager's rate alone, or are for other robots of the package.
+        parts = (_TYPE, _mentions(description))
+        texts = {path: text_of(path) for path in candidates}
+        ours = [
+            path for path, text in texts.items() if all(p.search(text) for p in parts)
+        ]
+        candidates = ours if len(ours) == 1 else candidates
     if moving_plugins(description) and not description.hardware:
         # Gazebo runs no controllers beside them, unless it is told to.
         if candidates:
@@ -142,6 +151,14 @@ def _controllers_in_package(
             report.add("info", "ignored", what, done, file=description.file)
         return None
     if len(candidates) == 1:
+        if left := [str(path) for path in others if path not in candidates]:
+            what = (
+                f"the description names no controllers YAML; others: {', '.join(left)}"
+            )
+            done = (
+                f"taken: {candidates[0]}, the only one with controllers of its joints"
+            )
+            report.add("info", "missing", what, done, file=description.file)
         return candidates
     if not candidates and not description.hardware:
         return None
@@ -180,14 +197,19 @@ def _has_manager(path: Path) -> bool:
     return _MANAGER.search(text_of(path)) is not None
 
 
+def _mentions(description: RobotDescription) -> re.Pattern[str]:
+    """Return what finds the name of a joint that moves."""
+    names = [re.escape(joint.name) for joint in description.movable_joints]
+    return re.compile(rf"\b({'|'.join(names)})\b" if names else r"(?!)")
+
+
 def _candidates(description: RobotDescription, packages: PackageFinder) -> list[Path]:
     """Return files around the description that control it: of its maker, else others.
 
     A maker's packages begin with the same word; of their files those count that name
     joints of the description, if any do. Of others only such count, nearer ones first.
     """
-    names = [re.escape(joint.name) for joint in description.movable_joints]
-    mentions = re.compile(rf"\b({'|'.join(names)})\b" if names else r"(?!)")
+    mentions = _mentions(description)
     around = description.file.absolute().parents
     known = {folder: name for name, folder in packages.known()}
     own = next((known[folder] for folder in around if folder in known), "")

@@ -45,6 +45,14 @@ _NEEDLESS = (
 
 # They change what a controller manager does, but not yet this one.
 _NOT_SIMULATED = ("defaults", "handle_exceptions")
+
+# Lists of a manager's parameters with hardware that isn't active, and its states.
+_INITIAL_STATES = {
+    "unconfigured": "unconfigured",
+    "inactive": "inactive",
+    "configure_components_on_start": "inactive",
+}
+
 _SHUTDOWN = "hardware_components_initial_state.shutdown_on_initial_state_failure"
 
 _NO_EFFECT = "it has no effect"
@@ -121,6 +129,8 @@ class ControllerManagerConfig:
 
 @dataclass(frozen=True)
 class _InitialState:
+    """Parameters below `hardware_components_initial_state`."""
+
     unconfigured: tuple[str, ...] = ()
     inactive: tuple[str, ...] = ()
     shutdown_on_initial_state_failure: bool = False
@@ -128,6 +138,8 @@ class _InitialState:
 
 @dataclass(frozen=True)
 class _Schema:
+    """Parameters of a controller manager."""
+
     update_rate: int = DEFAULT_UPDATE_RATE
     enforce_command_limits: bool = True
     hardware_components_initial_state: _InitialState = _InitialState()
@@ -189,6 +201,28 @@ def load_manager_parameters(
             loaded.activate_components_on_start,
         ),
     )
+
+
+def set_hardware_states(data: Any, states: Mapping[str, str]) -> Any:
+    """Return parameters of a file in which hardware starts in other states, by name."""
+    if not isinstance(data, Mapping):
+        return data
+    found = {key: set_hardware_states(value, states) for key, value in data.items()}
+    configured: dict[str, list[str]] = {}
+    for key, value in data.items():
+        stem, dot, last = str(key).rpartition(".")
+        if not isinstance(value, list) or not value:
+            continue
+        if last == "activate_components_on_start":
+            active = [name for name, state in states.items() if state == "active"]
+            found[key] = list(dict.fromkeys([*value, *active]))
+        elif own := _INITIAL_STATES.get(last):
+            found[key] = [name for name in value if states.get(name, own) == own]
+            if moved := [n for n in value if states.get(n) == "inactive" != own]:
+                configured[f"{stem}{dot}inactive"] = moved
+    for key, names in configured.items():
+        found[key] = [*found.get(key, ()), *names]
+    return found
 
 
 def report_foreign(

@@ -59,8 +59,9 @@ _MOVING = re.compile(
     r"|gazebo_ros_(tricycle_drive|force|hand_of_god)"
 )
 
-# Libraries that let a joint follow another one, which Gazebo Classic itself doesn't.
-_MIMIC = re.compile(r"(roboticsgroup_(upatras_)?)?gazebo_mimic_joint_plugin")
+# Libraries that let a joint follow another one, which Gazebo Classic itself doesn't;
+# all copies of roboticsgroup's have its parameters, whatever packages call them.
+_MIMIC = re.compile(r"(\w+_)?mimic_joint_plugin")
 
 # Tags of a joint that keep Gazebo from merging the links that it holds together.
 KEEPING = ("preserveFixedJoint", "disableFixedJointLumping")

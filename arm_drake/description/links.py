@@ -237,6 +237,9 @@ SIZES = {
 # No size is beyond these [m]; moments of inertia take its fifth power.
 _SMALLEST_SIZE, _LARGEST_SIZE = 1e-9, 1e6
 
+# Boxes and cylinders without thickness, which Gazebo takes, get this one [m].
+_THICKNESS = 1e-3
+
 
 def read_links(
     root: ET.Element,
@@ -436,6 +439,12 @@ class _ShapeReader:
         for name, count in SIZES[shape.tag].items():
             part = f"<{shape.tag} {name}>"
             sizes = numbers(shape.get(name, ""), self.file, where, part)
+            if sizes.count(0.0) == 1 and part in ("<box size>", "<cylinder length>"):
+                sizes = [size or _THICKNESS for size in sizes]
+                what, done = f"{part} 0", f"a plate, taken {_THICKNESS:g} m thick"
+                self.report.add(
+                    "info", "repair", what, done, where=where, file=self.file
+                )
             if len(sizes) != count or not all(0.0 < size < math.inf for size in sizes):
                 raise _UnfitError(f"<{shape.tag}> without a positive size")
             if not all(_SMALLEST_SIZE <= size <= _LARGEST_SIZE for size in sizes):

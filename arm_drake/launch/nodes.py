@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 # Programs that end by themselves, after which others may start, and those that don't;
 # nodes that have a meaning here say it themselves.
-_ENDING = {"hardware_spawner", "remove"}
+_ENDING = {"remove"}
 _LASTING_PROGRAMS = {"gazebo", "gzserver", "gzclient", "gz", "ign", "rviz2", "rqt"}
 
 
@@ -60,6 +60,14 @@ NODES = (
         ("unspawner",),
         "unspawner",
         "which of them don't",
+        ends=True,
+    ),
+    NodeRole(
+        ("controller_manager",),
+        ("hardware_spawner",),
+        "hardware_spawner",
+        "which hardware of `hardware_components_initial_state` is active: "
+        "`--activate`, `--configure`",
         ends=True,
     ),
     NodeRole(

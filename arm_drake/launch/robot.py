@@ -14,7 +14,7 @@ import yaml
 
 from arm_drake import yaml_files
 from arm_drake.description.bridge import TopicAlias
-from arm_drake.description.controllers import ControllerConfig
+from arm_drake.description.controllers import ControllerConfig, set_hardware_states
 from arm_drake.description.elements import parse_xml
 from arm_drake.description.entry import TEXT, text_of
 from arm_drake.description.joints import WORLD
@@ -53,6 +53,14 @@ class PlanFolder:
             self, shutil.rmtree, self.path, ignore_errors=True
         )
         self._expansions: dict[tuple[Path, frozenset[tuple[str, str]]], str] = {}
+
+    def write_parameters(self, data: Any, source: str) -> Path:
+        """Write a parameter file, of which `source` is the origin."""
+        number = len(list(self.path.glob("parameters_*.yaml")))
+        path = self.path / f"parameters_{number}.yaml"
+        path.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
+        self.rewritten[str(path)] = (source, False)
+        return path
 
     def expand(
         self, file: Path, arguments: Mapping[str, str], packages: PackageFinder
@@ -122,6 +130,9 @@ class LaunchedRobot:
     # Controllers of which all run or none (`--activate-as-group`).
     groups: tuple[tuple[str, ...], ...] = ()
 
+    # States that hardware components are put into after the start.
+    hardware: Mapping[str, str] = dc.field(default_factory=dict)
+
     # Whether `ros2 launch` ends if xacro says something.
     ends_on_words: bool = False
 
@@ -167,7 +178,7 @@ class LaunchedRobot:
         """
         options = dict(self.loading)
         own = options.pop("controllers", None) or self._files(package_paths)
-        files = [*map(Path, own), *bridges]
+        files = [*map(self._with_hardware, map(Path, own)), *bridges]
         # One that is only shown has no controllers, whatever lies beside it.
         is_shown = not self.is_controlled and not self.spawned
         said: dict[str, Any] = {"name": name, "srdf": self.srdf}
@@ -231,6 +242,20 @@ class LaunchedRobot:
         texts = [text_of(file) for file in files]
         named = {name for text in texts for name in _VARIABLE.findall(text)}
         return {k: v for k, v in self.variables.items() if k in named}
+
+    def _with_hardware(self, file: Path) -> Path:
+        """Return a parameter file in which hardware starts as it is put later."""
+        if self.folder is None or not self.hardware:
+            return file
+        try:
+            data = yaml_files.parse(text_of(file))
+        except yaml_files.YamlError:
+            return file  # It is told where the file is read.
+        changed = set_hardware_states(data, self.hardware)
+        if changed == data:
+            return file
+        source, _ = self.folder.rewritten.get(str(file), (str(file), False))
+        return self.folder.write_parameters(changed, source)
 
     def _files(self, package_paths: Sequence[Path]) -> list[Path]:
         """Return the controllers YAML, with those that a simulator's plugin names."""
@@ -536,15 +561,16 @@ def _has_types(data: Any, key: str) -> bool:
 
 
 class Spawner(NamedTuple):
-    """Controllers that are started at once."""
+    """Controllers that are started at once, or hardware components."""
 
     names: tuple[str, ...]
     state: str
     manager: str
-    files: tuple[Path, ...]
+    files: tuple[Path, ...] = ()
 
     # Whether all of them run or none.
     is_group: bool = False
+    kind: str = "controller"
 
 
 @dc.dataclass
@@ -562,8 +588,8 @@ class RobotParts:
     # SRDF files of planners, with their name spaces.
     semantics: list[tuple[str, Path]] = dc.field(default_factory=list)
 
-    # Controllers of robots that aren't there, and why.
-    left_out: list[tuple[str, str]] = dc.field(default_factory=list)
+    # What is of robots that aren't there: its name, what it is, and why.
+    left_out: list[tuple[str, str, str]] = dc.field(default_factory=list)
 
     def find_robots(self, *, has_world: bool) -> list[LaunchedRobot]:
         """Return the robots of all descriptions, with what belongs to each.
@@ -699,9 +725,13 @@ class RobotParts:
                     known = [f"/{each.name}" for each in self.managers]
                     reason = f"/{spawner.manager.strip('/')} isn't started; "
                     reason += f"there is {', '.join(known)}" if known else _NO_MANAGER
-                self.left_out += [(name, reason) for name in spawner.names]
+                self.left_out += [(n, spawner.kind, reason) for n in spawner.names]
                 continue
             robot = robots[index]
+            if spawner.kind != "controller":
+                states = dict.fromkeys(spawner.names, spawner.state)
+                robots[index] = dc.replace(robot, hardware={**robot.hardware, **states})
+                continue
             spawned = dict(robot.spawned)
             for name in spawner.names:
                 spawned[name] = spawner.state

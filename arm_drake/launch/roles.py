@@ -136,8 +136,7 @@ class Roles:
         self._take_managers()
         robots = self._parts.find_robots(has_world=self._world is not None)
         shared = {"folder": self._folder, "variables": self._answer["values"]}
-        for name, reason in self._parts.left_out:
-            self._not_started.append(NotStarted(name, "controller", reason))
+        self._not_started += [NotStarted(*each) for each in self._parts.left_out]
         return {
             "robots": tuple(dc.replace(robot, **shared) for robot in robots),
             "world": self._world,
@@ -312,6 +311,8 @@ class Roles:
                 for key, state in (("activate", "active"), ("deactivate", "inactive")):
                     for one in (f"--{key}", f"--{key}-controllers"):
                         self._spawn(values_of(words, one), state, manager, ())
+            case "set_hardware_component_state" if len(names) > 1:
+                self._set_hardware(names[:1], names[1], manager)
             case _:
                 self._leave_out(f"ros2 control {verb} {' '.join(words)}", "process")
 
@@ -322,6 +323,10 @@ class Roles:
         self, names: Sequence[str], state: str, manager: str, files: tuple[Path, ...]
     ) -> None:
         self._parts.spawners.append(Spawner(tuple(names), state, manager, files))
+
+    def _set_hardware(self, names: Sequence[str], state: str, manager: str) -> None:
+        spawner = Spawner(tuple(names), state, manager, kind="hardware component")
+        self._parts.spawners.append(spawner)
 
     def _read_node(self, record: Mapping[str, Any]) -> None:
         package = record["package"]
@@ -348,6 +353,14 @@ class Roles:
         names = positional(words, ("-c", "--controller-manager"))
         manager = value_of(words, "-c", "--controller-manager") or _MANAGER
         self._spawn(names, "inactive", join_names(record["namespace"], manager), ())
+
+    def _read_hardware_spawner(self, record: Mapping[str, Any]) -> None:
+        words = record.get("arguments", ())
+        manager = value_of(words, "-c", "--controller-manager") or _MANAGER
+        with_value = ("-c", "--controller-manager", "--controller-manager-timeout")
+        state = "active" if "--activate" in words else "inactive"
+        names = positional(words, with_value)
+        self._set_hardware(names, state, join_names(record["namespace"], manager))
 
     def _read_server(self, record: Mapping[str, Any]) -> None:
         values = _merge(record)
@@ -489,12 +502,8 @@ class Roles:
     def _write_parameters(
         self, node: str, values: Mapping[str, Any], record: Mapping[str, Any]
     ) -> Path:
-        number = len(list(self._folder.path.glob("parameters_*.yaml")))
-        path = self._folder.path / f"parameters_{number}.yaml"
-        text = yaml.safe_dump({node: {"ros__parameters": _nest(values)}})
-        path.write_text(text, encoding="utf-8")
-        self._folder.rewritten[str(path)] = (str(record["file"]), False)
-        return path
+        data = {node: {"ros__parameters": _nest(values)}}
+        return self._folder.write_parameters(data, str(record["file"]))
 
     def _read_spawner(self, record: Mapping[str, Any]) -> None:
         words = record.get("arguments", ())

@@ -7,10 +7,12 @@ from typing import Any
 
 import pytest
 
+from arm_drake import yaml_files
 from arm_drake.description.controllers import (
     ControllerManagerConfig,
     HardwareComponentsInitialState,
     load_controllers,
+    set_hardware_states,
 )
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
@@ -1259,3 +1261,28 @@ def test_a_manager_may_have_another_name(tmp_path):
 
     assert config.update_rate == 50
     assert [controller.name for controller in config.controllers] == ["arm"]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("s: {inactive: [a, c]}", "s: {inactive: [a]}"),
+        ("s.inactive: [a, c]", "s.inactive: [a]"),
+        ("s: {unconfigured: [a, b, c]}", "s: {unconfigured: [a], inactive: [b]}"),
+        (
+            "{s.unconfigured: [b], s.inactive: [a]}",
+            "{s.unconfigured: [], s.inactive: [a, b]}",
+        ),
+        ("activate_components_on_start: [a]", "activate_components_on_start: [a, c]"),
+        ("activate_components_on_start: []", "activate_components_on_start: []"),
+        ("configure_components_on_start: [b, c]", "configure_components_on_start: [b]"),
+        ("update_rate: 10", "update_rate: 10"),
+    ],
+)
+def test_hardware_is_put_into_another_initial_state(text, expected):
+    found = set_hardware_states(
+        {"m": {"ros__parameters": yaml_files.parse(text)}},
+        {"b": "inactive", "c": "active"},
+    )
+
+    assert found == {"m": {"ros__parameters": yaml_files.parse(expected)}}

@@ -67,6 +67,7 @@ def follow(plugin: str, mimic: Mimic | None = None) -> tuple[Mimic | None, list[
         "libgazebo_mimic_joint_plugin.so",
         "libroboticsgroup_gazebo_mimic_joint_plugin.so",
         "libroboticsgroup_upatras_gazebo_mimic_joint_plugin.so",
+        "libgazebo_ros2_mimic_joint_plugin.so",
     ],
 )
 def test_a_joint_follows_where_a_plugin_alone_says_so(library):

@@ -273,7 +273,7 @@ def test_a_colour_stays_when_its_texture_goes(repair):
         ("", "no geometry"),
         ("<box/>", "<box> without a positive size"),
         ('<box size="1 1"/>', "<box> without a positive size"),
-        ('<box size="1 1 0"/>', "<box> without a positive size"),
+        ('<box size="1 0 0"/>', "<box> without a positive size"),
         ('<box size="1 1 -1"/>', "<box> without a positive size"),
         ('<sphere radius="0"/>', "<sphere> without a positive size"),
         ('<sphere radius="nan"/>', "<sphere> without a positive size"),
@@ -307,6 +307,29 @@ def test_an_unusable_geometry_is_left_out(repair, shape, problem, tag):
     assert root.find(f"link/{tag}") is None
     severity = {"visual": "warning", "collision": "error"}[tag]
     assert lines == [f"{severity}: link 'a', {tag} 0: {problem}; left out"]
+
+
+@pytest.mark.parametrize(
+    ("shape", "part", "taken"),
+    [
+        ('<box size="5 5 0"/>', "<box size>", '<box size="5 5 0.001"/>'),
+        (
+            '<cylinder radius="1" length="0"/>',
+            "<cylinder length>",
+            '<cylinder radius="1" length="0.001"/>',
+        ),
+    ],
+)
+@pytest.mark.parametrize("tag", ["visual", "collision"])
+def test_a_shape_without_thickness_is_a_plate(repair, shape, part, taken, tag):
+    root, lines = repair(visual(shape, tag=tag))
+
+    expected, written = ET.XML(taken), root.find(f"link/{tag}/geometry")[0]
+    assert written.tag == expected.tag
+    for name, sizes in expected.attrib.items():
+        found = [float(size) for size in written.attrib[name].split()]
+        assert found == [float(size) for size in sizes.split()]
+    assert lines == [f"info: link 'a', {tag} 0: {part} 0; a plate, taken 0.001 m thick"]
 
 
 @pytest.mark.parametrize(

@@ -113,6 +113,67 @@ def test_a_controller_without_parameters_is_reported(package: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("initial", "entity", "forward"),
+    [
+        ("inactive: [pendulum]", 'hardware("pendulum", "--activate")', "active"),
+        ("unconfigured: [pendulum]", 'hardware("--activate", "pendulum")', "active"),
+        ("unconfigured: [pendulum]", 'hardware("pendulum", "--configure")', "inactive"),
+        ("inactive: [pendulum]", 'hardware("other", "--activate")', "inactive"),
+        (
+            "inactive: [pendulum]",
+            'ExecuteProcess(cmd=["ros2", "control", "set_hardware_component_state", '
+            '"pendulum", "active"])',
+            "active",
+        ),
+    ],
+)
+def test_hardware_that_is_activated_later_lets_its_controllers_run(
+    package: Path, initial: str, entity: str, forward: str
+) -> None:
+    file = package / "config" / "controllers.yaml"
+    settings = f"update_rate: 100\n    hardware_components_initial_state: {{{initial}}}"
+    text = file.read_text(encoding="utf-8").replace("update_rate: 100", settings)
+    file.write_text(text, encoding="utf-8")
+    path = describe(
+        package,
+        f"""
+        publisher(), manager(), {entity},
+        spawner("joint_state_broadcaster", "forward"),
+        """,
+        before="""
+        def hardware(*words):
+            return Node(package="controller_manager", executable="hardware_spawner",
+                        arguments=[*words, "-c", "/controller_manager"])
+        """,
+    )
+
+    sim = ad.Simulation(ad.load_launch(path).build_diagram())
+
+    found = {each.name: each.state for each in sim.list_controllers()}
+    assert found["forward"] == forward
+
+
+@pytest.mark.slow
+def test_hardware_of_a_manager_that_is_not_started_is_reported(package: Path) -> None:
+    path = describe(
+        package,
+        """
+        publisher(), manager(), Node(package="controller_manager",
+            executable="hardware_spawner",
+            arguments=["pendulum", "--activate", "-c", "/arm/controller_manager"]),
+        """,
+    )
+
+    plan = ad.load_launch(path)
+
+    assert [str(each) for each in plan.not_started] == [
+        "not started: hardware component pendulum; /arm/controller_manager isn't "
+        "started; there is /controller_manager"
+    ]
+
+
+@pytest.mark.slow
 def test_arguments_have_defaults_choices_and_given_values(package: Path) -> None:
     path = describe(
         package,
