@@ -9,7 +9,7 @@ too: position by position.
 import dataclasses as dc
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -59,8 +59,6 @@ _ROUNDING = 1.0 + 1e-6
 class KinematicGoal(Message):
     """Goal point of an arm's last link, in the frame that carries the arm."""
 
-    _ros_package: ClassVar[str] = "centauri_interfaces"
-
     # [m].
     x: float = 0.0
     y: float = 0.0
@@ -70,8 +68,6 @@ class KinematicGoal(Message):
 @dataclass(frozen=True, eq=False)
 class TrajectoryGoal(Message):
     """Goal point of an arm's last link, and the time of the way."""
-
-    _ros_package: ClassVar[str] = "centauri_interfaces"
 
     # [m].
     x: float = 0.0
@@ -85,8 +81,6 @@ class TrajectoryGoal(Message):
 @dataclass(frozen=True, eq=False)
 class SetBool(Message):
     """Boolean request (`std_srvs`)."""
-
-    _ros_package: ClassVar[str] = "std_srvs"
 
     data: bool = False
 

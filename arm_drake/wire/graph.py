@@ -402,7 +402,7 @@ class Graph:
                 if sensor_type(source) and self._read(other, source):
                     topic.others.append(other)
             taken = input_type(found.inputs[0]) if found.inputs else None
-            kind = None if taken is None else ros_type(taken)
+            kind = self._type_of(taken)
             if kind is not None and topic.type in ("", kind):
                 topic.type, topic.takes = kind, taken
                 topic.subscriber = _node_of(found.inputs[0])
@@ -410,6 +410,11 @@ class Graph:
                 yield topic
             elif taken not in (SetOdometry, ResetOdometry):  # They are services.
                 self.left_out.append(found.name)
+
+    def _type_of(self, message: type[Message] | None) -> str | None:
+        """Return the type in ROS of a class of messages if programs outside know it."""
+        type_ = None if message is None else ros_type(message)
+        return type_ if type_ is not None and type_ in self.types else None
 
     def _read(self, topic: Topic, source: TopicPort) -> bool:
         """Have a topic read from a port; return whether it is to be published."""
@@ -421,7 +426,7 @@ class Graph:
         else:
             value = port.Eval(self.simulation.simulator.get_context())
             made = value.__class__ if isinstance(value, Message) else None
-        kind = None if made is None else ros_type(made)
+        kind = self._type_of(made)
         if made is None or kind is None:
             self.left_out.append(topic.name)
             return False

@@ -1,5 +1,6 @@
 """Messages of topics, beside the ports that they are read from."""
 
+import dataclasses as dc
 from pathlib import Path
 from typing import Any
 
@@ -7,7 +8,13 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 import arm_drake as ad
-from arm_drake.controllers.controller_interface import ControllerInterface
+from arm_drake.controllers import ControllerType
+from arm_drake.controllers.controller_interface import (
+    ControllerInterface,
+    ControllerInterfaceParams,
+    TickingController,
+)
+from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.manager.loaded_controllers import LoadedController
 from arm_drake.messages import (
     Duration,
@@ -16,6 +23,7 @@ from arm_drake.messages import (
     JointState,
     JointTrajectory,
     JointTrajectoryPoint,
+    Message,
 )
 from arm_drake.rollout.rollout import ClientInput
 from arm_drake.simulation.topics import TopicNames
@@ -75,6 +83,50 @@ def test_what_is_read_of_a_tick_makes_the_message_of_the_port(robot: str) -> Non
                 assert found == port, topic.name
                 compared += 1
     assert compared >= 2 * 29
+
+
+@dc.dataclass(frozen=True)
+class Level(Message, ros="std_msgs/msg/UInt8"):
+    """A message that ROS has and arm_drake hasn't."""
+
+    data: int = 7
+
+
+@dc.dataclass(frozen=True)
+class Secret(Message, ros="my_msgs"):
+    """A message whose type nobody else knows."""
+
+
+@dc.dataclass(frozen=True)
+class NoParameters:
+    """Parameters of a Teller: none."""
+
+
+class Teller(TickingController[None]):
+    """Publishes messages of a plugin's own."""
+
+    def __init__(self, parameters: object, params: ControllerInterfaceParams) -> None:
+        super().__init__(params, None)
+        self._declare_topic("level", lambda state: Level(), default=Level())
+        self._declare_topic("secret", lambda state: Secret(), default=Secret())
+
+    def _update(self, now: UpdateContext, state: None) -> None:
+        return None
+
+
+def test_messages_of_a_plugin_are_told_if_their_type_is_known(tmp_path: Path) -> None:
+    yaml = "controller_manager: {ros__parameters: {update_rate: 100, own: {type: T}}}"
+    types = {"T": ControllerType(NoParameters, Teller)}
+    robot = models.load(tmp_path, models.TWO_LINKS, yaml, controller_types=types)
+    sim = ad.Simulation(ad.build_diagram(robot))
+
+    graph = RosServer(sim, ()).graph
+    graph.update([graph.topics["/own/level"]], 0.0)
+
+    level = graph.topics["/own/level"]
+    assert level.type == "std_msgs/msg/UInt8"
+    assert level.convert(level.waiting.popleft(), 0) == {"data": 7}
+    assert graph.left_out == ["/own/secret"]
 
 
 def goal(controller: LoadedController) -> FollowJointTrajectoryGoal:
