@@ -134,13 +134,12 @@ def resolve_tolerances(
     default, -1 takes the tolerance away. With any other negative value or an unknown
     joint all of the defaults hold, goal time included.
     """
+    goal_time = goal.goal_time_tolerance.to_seconds()
+    if not (goal_time or goal.path_tolerance or goal.goal_tolerance):
+        return Resolution(defaults, "")
     try:
         tolerances = Tolerances(
-            goal_time=_resolve(
-                goal.goal_time_tolerance.to_seconds(),
-                defaults.goal_time,
-                "goal_time_tolerance",
-            ),
+            goal_time=_resolve(goal_time, defaults.goal_time, "goal_time_tolerance"),
             path=_resolve_joints(
                 goal.path_tolerance, joints, defaults.path, "path_tolerance"
             ),
@@ -190,13 +189,11 @@ def exceeds(
 
 
 def _resolve_joints(
-    requested: Sequence[JointTolerance],
+    requested: Iterable[JointTolerance],
     joints: Sequence[str],
     defaults: StateTolerances,
     where: str,
 ) -> StateTolerances:
-    if not requested:
-        return defaults
     arrays = {field: getattr(defaults, field).copy() for field in _FIELDS}
     for tolerance in requested:
         if tolerance.name not in joints:

@@ -50,6 +50,13 @@ def test_a_goal_s_tolerances_follow_their_joint_names():
     assert table(tolerances.goal) == [[1.1, 2.1, 3.1], [1.2, 2.2, 3.2], [1.3, 2.3, 3.3]]
 
 
+def test_a_goal_without_tolerances_has_the_very_defaults():
+    tolerances, problem = resolve_tolerances(make_goal(), JOINTS, DEFAULTS)
+
+    assert problem == ""
+    assert tolerances is DEFAULTS
+
+
 def test_minus_one_takes_every_tolerance_away():
     erased = [(joint, -1, -1, -1) for joint in JOINTS]
     goal = make_goal(path=erased, goal=erased, goal_time=-1)
