@@ -108,9 +108,11 @@ from arm_drake.notebook import (
 from arm_drake.options import SimulationOptions as SimulationOptions
 from arm_drake.perception.boxes import FoundBox as FoundBox
 from arm_drake.perception.boxes import find_box as find_box
-from arm_drake.perception.cameras import CameraHandle as CameraHandle
+from arm_drake.perception.cameras import (
+    CameraHandle as CameraHandle,
+    add_camera as add_camera,
+)
 from arm_drake.perception.lidar import LidarHandle as LidarHandle
-from arm_drake.perception.sensors import add_camera as add_camera
 from arm_drake.planning.groups import (
     PlanningGroup as PlanningGroup,
     planning_groups as planning_groups,

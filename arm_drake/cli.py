@@ -152,6 +152,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     atexit.register(_end_soon)
     try:
         check_process()
+        _expand_ahead(options)
         # Numbers beyond all bounds are a user's: what comes of them is said by us.
         with unbroken():  # numpy would make an ImportError of Ctrl-C.
             import numpy as np
@@ -177,6 +178,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
 
 
+def _expand_ahead(options: argparse.Namespace) -> None:
+    """Let xacro begin while this process imports what a command needs."""
+    source = getattr(options, "robot", None)
+    if source is None or is_scene(source) or not hasattr(options, "controllers"):
+        return
+    from arm_drake.description.entry import find_entry
+    from arm_drake.description.xacro import expand_ahead
+
+    # What is wrong is told where the robot is loaded, and a folder is searched there.
+    with contextlib.suppress(ArmDrakeError):
+        if not os.path.isdir(source):
+            expand_ahead(find_entry(source)[0], dict(options.xacro_args))
+
+
 def load_robot_of(
     options: argparse.Namespace, positions: Mapping[str, float] | None = None
 ) -> Any:
@@ -185,8 +200,9 @@ def load_robot_of(
         text = f"{options.command} takes a robot; a scene is for sim and view"
         raise InputError(text, file=options.robot)
     with unbroken(), without_collection():  # Drake would make an ImportError of Ctrl-C.
-        from arm_drake.loading import load_robot
+        from arm_drake.loading import import_trial, load_robot
 
+        import_trial()
     initial = {**(positions or {}), **read_initial(getattr(options, "initial", ()))}
     return load_robot(
         options.robot,

@@ -81,8 +81,7 @@ from arm_drake.plant.plant import (
 )
 from arm_drake.simulation.recording import BuildInfo
 from arm_drake.timing import choose_time_step, has_rate
-from arm_drake.worlds.sdf_world import LoadedWorld, show_backdrop
-from arm_drake.worlds.things import free_bodies
+from arm_drake.worlds.things import LoadedWorld, free_bodies, show_backdrop
 from arm_drake.worlds.world import World, load_world
 
 if TYPE_CHECKING:

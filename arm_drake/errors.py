@@ -4,7 +4,6 @@ Every message reads ``<file>:<line>: <place>: <what is wrong>; <what would be ri
 with the parts that are known.
 """
 
-import difflib
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any, Protocol
@@ -157,12 +156,19 @@ MISSPELT = 0.75
 
 def _likeness(name: str, other: str) -> float:
     """Return how alike two names are, from 0 to 1."""
-    return difflib.SequenceMatcher(None, other, name).ratio()
+    from difflib import SequenceMatcher
+
+    return SequenceMatcher(None, other, name).ratio()
 
 
 def find_close(name: str, known: Iterable[str], likeness: float = 0.5) -> str | None:
     """Return the known name that another one may mean, if any is so much alike."""
-    close = difflib.get_close_matches(name, list(known), n=1, cutoff=likeness)
+    names = list(known)
+    if name in names:
+        return name
+    from difflib import get_close_matches
+
+    close = get_close_matches(name, names, n=1, cutoff=likeness)
     return close[0] if close else None
 
 

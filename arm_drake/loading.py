@@ -7,9 +7,9 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral
 from pathlib import Path
-from typing import Any, NamedTuple
+from threading import Thread
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from arm_drake.controllers import ControllerType, check_controller_types
 from arm_drake.description.base_wheels import find_bases
 from arm_drake.description.bridge import (
     find_bridge_files,
@@ -57,10 +57,10 @@ from arm_drake.description.urdf import (
 )
 from arm_drake.description.xacro import expand_xacro
 from arm_drake.errors import DescriptionError, InputError, check_type, suggest
-from arm_drake.hardware.drives import check_model
-from arm_drake.hardware.mobile_bases import RobotBases
-from arm_drake.manager.hardware_interfaces import find_hardware_interfaces
-from arm_drake.manager.loading import load_controllers
+from arm_drake.importing import without_collection
+
+if TYPE_CHECKING:
+    from arm_drake.controllers import ControllerType
 
 # What names of distributions without rules of their own are taken as.
 _DISTRO_ALIASES = {
@@ -97,7 +97,7 @@ def load_robot(
     strict: bool = False,
     decompose: bool = False,
     max_faces: int | None = None,
-    controller_types: Mapping[str, ControllerType] | None = None,
+    controller_types: Mapping[str, "ControllerType"] | None = None,
     frames: Frames | None = None,
     srdf: Source | Sequence[Source] | None = None,
 ) -> Robot:
@@ -145,7 +145,8 @@ def load_robot(
 
 
 def _load(
-    arguments: Mapping[str, Any], controller_types: Mapping[str, ControllerType] | None
+    arguments: Mapping[str, Any],
+    controller_types: Mapping[str, "ControllerType"] | None,
 ) -> Robot:
     """Load by the arguments of `load_robot`, stage by stage."""
     loading = _start(_check_types(arguments), controller_types)
@@ -220,7 +221,7 @@ class _Loading(NamedTuple):
 
     # Known to us, such as jazzy.
     distro: str
-    types: Mapping[str, ControllerType]
+    types: Mapping[str, "ControllerType"]
     report: LoadReport
 
     # Files that xacro read, and where the elements of the description stand in them.
@@ -229,13 +230,18 @@ class _Loading(NamedTuple):
 
 
 def _start(
-    arguments: Mapping[str, Any], controller_types: Mapping[str, ControllerType] | None
+    arguments: Mapping[str, Any],
+    controller_types: Mapping[str, "ControllerType"] | None,
 ) -> _Loading:
     """Return the sources and options of a load, after a first check."""
     source, name = arguments["source"], arguments["name"]
     if name is not None and (not name or "/" in name):
         raise InputError(f"name {name!r}: expected a name without '/'")
-    types = check_controller_types(controller_types or {})
+    types: Mapping[str, ControllerType] = {}
+    if controller_types:
+        from arm_drake.controllers import check_controller_types
+
+        types = check_controller_types(controller_types)
     report = LoadReport()
     distro = _check_distro(arguments["distro"], report)
     folders = _check_folders(arguments["package_paths"])
@@ -266,14 +272,7 @@ def _read_description(loading: _Loading) -> RobotDescription:
     arguments = loading.arguments
     xacro_args, text = dict(arguments["xacro_args"] or {}), loading.text
     if text is None:
-        text = expand_xacro(
-            entry,
-            xacro_args,
-            packages,
-            report,
-            files=loading.files,
-            places=loading.places,
-        )
+        text = _expand(loading, xacro_args)
     else:
         check_text(text, xacro_args, entry)
     text = as_urdf(text, entry, loading.folders, report)
@@ -295,6 +294,46 @@ def _read_description(loading: _Loading) -> RobotDescription:
         raise DescriptionError(
             error.problem, file=found[0], line=found[1], where=error.where
         ) from None
+
+
+def _expand(loading: _Loading, xacro_args: Mapping[str, str]) -> str:
+    """Return the text that xacro makes of the entry file.
+
+    xacro runs in a process of its own. Meanwhile this one imports what tries the robot,
+    which takes it as long.
+    """
+    expanded: list[str | BaseException] = []
+
+    def expand() -> None:
+        try:
+            text = expand_xacro(
+                loading.entry,
+                xacro_args,
+                loading.packages,
+                loading.report,
+                files=loading.files,
+                places=loading.places,
+            )
+        except BaseException as error:  # It is raised below.
+            expanded.append(error)
+        else:
+            expanded.append(text)
+
+    thread = Thread(target=expand)
+    thread.start()
+    import_trial()
+    thread.join()
+    (text,) = expanded
+    if isinstance(text, BaseException):
+        raise text
+    return text
+
+
+def import_trial() -> None:
+    """Import what tries a robot, and with it Drake."""
+    with without_collection():
+        import arm_drake.hardware.drives
+        import arm_drake.manager.loading  # noqa: F401
 
 
 def as_urdf(text: str, file: Path, folders: Sequence[Path], report: LoadReport) -> str:
@@ -404,6 +443,11 @@ def _make_robot(
 
 def _try(loading: _Loading, robot: Robot) -> None:
     """Record what controllers, model and bases lack, and the places of all lines."""
+    from arm_drake.hardware.drives import check_model
+    from arm_drake.hardware.mobile_bases import RobotBases
+    from arm_drake.manager.hardware_interfaces import find_hardware_interfaces
+    from arm_drake.manager.loading import load_controllers
+
     report = loading.report
     hardware_interfaces = find_hardware_interfaces(
         robot.description,

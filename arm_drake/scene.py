@@ -45,8 +45,7 @@ from arm_drake.simulation.motion import (
 )
 from arm_drake.simulation.motion_files import find_motion
 from arm_drake.simulation.simulation import Simulation
-from arm_drake.worlds.sdf_world import LoadedWorld
-from arm_drake.worlds.things import COLORS, SHAPES, Thing, with_things
+from arm_drake.worlds.things import COLORS, SHAPES, LoadedWorld, Thing, with_things
 from arm_drake.worlds.world import WORLDS, World, load_world
 
 

@@ -8,10 +8,9 @@ of each other; else a command acts a step late now and then.
 import functools
 import math
 from collections.abc import Sequence
-from fractions import Fraction
 
 # A common step below this part of the largest one isn't worth it.
-_SMALLEST_PART = Fraction(1, 10)
+_SMALLEST_PART = 0.1
 
 # Part of a period by which an event may miss its time.
 TOLERANCE = 1e-6
@@ -35,19 +34,25 @@ def choose_time_step(
     if not update_rates:
         return max_step, []
     # No manager ticks more often than the plant steps.
-    fastest = Fraction(1, max(update_rates))
-    largest = min(Fraction(max_step).limit_denominator(10**9), fastest)
-    common = Fraction(1, math.lcm(*update_rates))
-    if common < _SMALLEST_PART * largest:
-        common = Fraction(1, update_rates[0])
-    exact = common / math.ceil(common / largest)
-    multiples = [round(Fraction(1, rate) / exact) for rate in update_rates]
+    largest = min(max_step, 1.0 / max(update_rates))
+    # All steps are exact parts of a second.
+    common = math.lcm(*update_rates)
+    if _without_noise(_SMALLEST_PART * largest * common) > 1.0:
+        common = update_rates[0]
+    steps = common * math.ceil(_without_noise(1.0 / (common * largest)))
+    multiples = [round(steps / rate) for rate in update_rates]
     # A log's period is an exact multiple of a part of the step.
-    ratio = None if log_rate is None else _ratio(log_rate, float(exact))
-    steps, parts = (1, 1) if ratio is None else ratio.as_integer_ratio()
-    bits = (parts * max([*multiples, steps])).bit_length()
-    step = parts * _round_up(float(exact) / parts, bits)
+    ratio = None if log_rate is None else _ratio(log_rate, 1.0 / steps)
+    logged, parts = ratio or (1, 1)
+    bits = (parts * max([*multiples, logged])).bit_length()
+    step = parts * _round_up(1.0 / steps / parts, bits)
     return step, [step * multiple for multiple in multiples]
+
+
+def _without_noise(value: float) -> float:
+    """Return an integer for a number that rounding alone keeps from being one."""
+    nearest = round(value)
+    return nearest if abs(value - nearest) <= 1e-9 * value else value
 
 
 def fit_period(rate: float, step: float) -> float:
@@ -60,17 +65,25 @@ def fit_period(rate: float, step: float) -> float:
     ratio = _ratio(rate, step)
     if ratio is None:
         return 1.0 / rate
-    return ratio.numerator * (step / ratio.denominator)
+    steps, parts = ratio
+    return steps * (step / parts)
 
 
-def _ratio(rate: float, step: float) -> Fraction | None:
-    """Return a rate's period per step if it is a fraction, and a reasonable one."""
+def _ratio(rate: float, step: float) -> tuple[int, int] | None:
+    """Return in how many steps a rate's period passes, as a fraction.
+
+    That is the nearest of a small denominator, or None where none is near.
+    """
     steps = 1.0 / (rate * step)
     if steps > _MOST_STEPS:
         return None
-    ratio = Fraction(steps).limit_denominator(_MOST_PARTS)
-    is_near = abs(float(ratio) - steps) <= TOLERANCE * steps
-    return ratio if ratio and is_near else None
+    parts = min(
+        range(1, _MOST_PARTS + 1), key=lambda n: abs(round(steps * n) / n - steps)
+    )
+    number = round(steps * parts)
+    is_near = abs(number / parts - steps) <= TOLERANCE * steps
+    divisor = math.gcd(number, parts)
+    return (number // divisor, parts // divisor) if number and is_near else None
 
 
 def cycle_at(time: float, period: float) -> int | None:

@@ -106,6 +106,7 @@ def real_robots_that_are_expanded_once() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(xacro, "_run", expand_once)
+        patch.setattr(xacro, "expand_ahead", lambda *_: None)
         yield
 
 

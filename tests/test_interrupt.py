@@ -259,8 +259,8 @@ def test_a_second_ctrl_c_does_not_wait_for_files(tmp_path: Path) -> None:
         rest = process.stdout.read()
         code = process.wait(PATIENCE)
 
-    # It may have been done already.
-    assert code in (0, 130)
+    # It may have been done already, or be ending, when Python listens no more.
+    assert code in (0, 130, -signal.SIGINT)
     assert "Traceback" not in rest
 
 

@@ -293,6 +293,7 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
             SimpleNamespace(
                 output_types=["<topic>"],
                 topics={},
+                pictures=(),
                 params=SimpleNamespace(update_rate=10.0),
             ),
         ),

@@ -45,7 +45,7 @@ from arm_drake.description.links import LinkInfo, ShapeInfo
 from arm_drake.description.meshes.conversion import cache_directory
 from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError
-from arm_drake.worlds.sdf_world import LoadedWorld
+from arm_drake.worlds.things import LoadedWorld
 from arm_drake.worlds.world import WORLDS, load_world
 
 # How often to look whether there are more workers [s].

@@ -129,6 +129,8 @@ class ControllerManagerConfig:
 
 @dataclass(frozen=True)
 class _InitialState:
+    """Parameters below `hardware_components_initial_state`."""
+
     unconfigured: tuple[str, ...] = ()
     inactive: tuple[str, ...] = ()
     shutdown_on_initial_state_failure: bool = False
@@ -136,6 +138,8 @@ class _InitialState:
 
 @dataclass(frozen=True)
 class _Schema:
+    """Parameters of a controller manager."""
+
     update_rate: int = DEFAULT_UPDATE_RATE
     enforce_command_limits: bool = True
     hardware_components_initial_state: _InitialState = _InitialState()

@@ -31,13 +31,8 @@ CONTACT: Final = "contact"
 IMU: Final = "imu"
 _FORCE: Final = "force_torque"
 
-# Types of SDF that are simulated, older names too; and those that aren't.
-_SIMULATED: Final = (
-    *(CONTACT, IMU, _FORCE, "camera", "multicamera", "depth", "depth_camera", "rgbd"),
-    *("rgbd_camera", "segmentation", "segmentation_camera", "ray", "gpu_ray", "lidar"),
-    "gpu_lidar",
-)
-_UNSIMULATED: Final = (
+# Types of SDF, older names too, that are known without being simulated.
+_KNOWN: Final = (
     *("air_pressure", "air_speed", "altimeter", "boundingbox", "boundingbox_camera"),
     *("custom", "dvl", "gps", "logical_camera", "magnetometer", "navsat", "rfid"),
     *("rfidtag", "sonar", "thermal", "thermal_camera", "wideanglecamera"),
@@ -116,28 +111,31 @@ def read_gazebo_sensors(
 def report_unsimulated(
     sensors: Iterable[GazeboSensor],
     components: Collection[str],
+    seeing: Collection[str],
     report: LoadReport,
     file: Path,
 ) -> None:
     """Report sensors of which nothing is simulated.
 
     Those of `<ros2_control>`, which `components` names, may have a tag for their place.
+    `seeing` are the types of cameras and lidars.
     """
+    simulated = (CONTACT, IMU, _FORCE, *seeing)
     for sensor in sensors:
         kind, done = sensor.type, "nothing is published"
         is_component = sensor.name in components
-        if kind in _SIMULATED and (is_component or kind != _FORCE):
+        if kind in simulated and (is_component or kind != _FORCE):
             continue
-        if is_component and kind in ("", *_UNSIMULATED):
+        if is_component and kind in ("", *_KNOWN):
             continue
         if kind == _FORCE:
             what = f"of type {kind!r}, without a <sensor> of its name in <ros2_control>"
-        elif kind in _UNSIMULATED:
+        elif kind in _KNOWN:
             what = f"sensors of type {kind!r} are not simulated"
         elif kind:
-            what = f"unknown type {kind!r}; {suggest(kind, _SIMULATED)}"
+            what = f"unknown type {kind!r}; {suggest(kind, simulated)}"
         else:
-            what = f"it has no type; known: {', '.join(sorted(_SIMULATED))}"
+            what = f"it has no type; known: {', '.join(sorted(simulated))}"
         where = f"sensor {sensor.name!r}"
         report.add("warning", "unsupported", what, done, where=where, file=file)
 

@@ -17,9 +17,6 @@ import glob
 import itertools
 import os
 import re
-import shlex
-import shutil
-import tempfile
 import weakref
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path, PurePosixPath
@@ -379,6 +376,8 @@ def _below_share(destination: str, name: str) -> PurePosixPath | None:
 
 def _words(text: str) -> list[str]:
     try:
+        import shlex
+
         return shlex.split(text.replace(";", " "))
     except ValueError:  # An open quote.
         return text.split()
@@ -567,6 +566,9 @@ class PackageFinder:
         rules = installed_elsewhere(package, name)
         if not rules:
             return package
+        import shutil
+        import tempfile
+
         if self._installed is None:
             self._installed = Path(tempfile.mkdtemp(prefix="arm_drake_"))
             weakref.finalize(self, shutil.rmtree, self._installed, ignore_errors=True)
@@ -619,7 +621,9 @@ def shared_folders() -> tuple[Path | None, ...]:
     One in the home folder must not start a walk through all of it, and what lies in the
     folder of temporary files belongs to nobody.
     """
-    return _home(), Path(tempfile.gettempdir()).resolve()
+    named = (os.environ.get(name) for name in ("TMPDIR", "TEMP", "TMP"))
+    temporary = (*filter(None, named), "/tmp", "/var/tmp")  # noqa: S108
+    return _home(), *(Path(folder).resolve() for folder in temporary)
 
 
 def _home() -> Path | None:

@@ -14,7 +14,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Final, Literal
+from typing import ClassVar, Final, Literal
 
 from arm_drake.description.elements import (
     ElementReader,
@@ -106,6 +106,10 @@ USUAL_RATE: Final = 30.0
 class PerceptionSensor:
     """Common fields of cameras and lidars."""
 
+    # What makes its system, "module:class": a `SensorSystem` of `arm_drake.perception`
+    # that is called with the sensor, its Place and the Scenery.
+    system: ClassVar[str]
+
     # Name in the robot, which no other of them has.
     name: str
 
@@ -138,6 +142,8 @@ class PerceptionSensor:
 @dataclass(frozen=True)
 class CameraSensor(PerceptionSensor):
     """A camera: a pinhole without a shutter."""
+
+    system: ClassVar[str] = "arm_drake.perception.cameras:Camera"
 
     kind: CameraKind = "color"
 
@@ -233,6 +239,8 @@ class ScanAxis:
 @dataclass(frozen=True)
 class LidarSensor(PerceptionSensor):
     """A lidar: rays about the z axis, and about the y axis."""
+
+    system: ClassVar[str] = "arm_drake.perception.lidar:Lidar"
 
     horizontal: ScanAxis = ScanAxis()
     vertical: ScanAxis = ScanAxis(samples=1)
@@ -744,4 +752,4 @@ _READERS: Final[Mapping[str, _Read]] = {
     **dict.fromkeys(("ray", "gpu_ray", "lidar", "gpu_lidar"), _SensorReader.lidars),
 }
 
-TYPES: Final = frozenset(_READERS)
+TYPES: Final = tuple(_READERS)

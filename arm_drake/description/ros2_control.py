@@ -385,9 +385,9 @@ class _BlockReader(ElementReader):
         inside = f"{where}, {element.tag} {name!r}"
         self.check(element, ["name", "data_type", "size"], ["param", "limits"], inside)
         parameters = self.parameters(element, inside)
-        for key in parameters if is_numeric else ():
-            hint = did_you_mean(key, _NUMBERS, MISSPELT)
-            if hint and key not in _NUMBERS:
+        others = [key for key in parameters if is_numeric and key not in _NUMBERS]
+        for key in others:
+            if hint := did_you_mean(key, _NUMBERS, MISSPELT):
                 what = f"<param> {key!r}{hint}"
                 self.note("warning", "ignored", what, "it has no effect", inside)
         if is_numeric:

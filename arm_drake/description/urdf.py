@@ -468,7 +468,7 @@ def _read_sensors(
         # Of those that are left out there is a line already.
         measuring.update(s.name for s in sensors if s.type in perception.TYPES)
         systems.update({"sensors"} if seeing else ())
-    report_unsimulated(sensors, components, report, file)
+        report_unsimulated(sensors, components, perception.TYPES, report, file)
     report_gazebo(
         root, report, file, sensors=measuring, systems=systems, sees=bool(seeing)
     )

@@ -235,52 +235,97 @@ def expand_xacro(
     return packages.real_paths(answer["text"])
 
 
+class _Expansion:
+    """An expansion by `xacro_process`."""
+
+    def __init__(self, path: Path, arguments: Mapping[str, str]) -> None:
+        """Start it."""
+        # Modules lie where they lie for this process; of ours it needs one.
+        folders = [os.path.abspath(folder) for folder in sys.path]
+        folders.append(str(Path(__file__).parent))
+        code = f"import sys; sys.path[:] = {folders!r}; "
+        code += "import xacro_process as x; x.main()"
+        self.path = path
+        self.arguments = arguments
+        self._process = subprocess.Popen(  # noqa: S603  It is our own program.
+            [sys.executable, "-I", "-S", "-X", "utf8", "-c", code],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            encoding="utf-8",
+            errors="surrogateescape",
+        )
+        self._send(
+            {
+                "file": str(path),
+                "arguments": self.arguments,
+                "cpu_time": CPU_TIME,
+                "memory": MEMORY,
+                "size": MAX_SIZE,
+            }
+        )
+
+    def finish(self, packages: PackageFinder) -> Any:
+        """Return its answer; raise DescriptionError if it has none."""
+        failed: PackageError | None = None
+        with self._process as process:
+            try:
+                while line := process.stdout.readline() if process.stdout else "":
+                    answer = json.loads(line)
+                    if "find" not in answer:
+                        return {**answer, "failed": failed}
+                    folder = None
+                    try:
+                        folder = str(packages.find(answer["find"]))
+                    except PackageError as error:
+                        failed = error
+                    self._send(folder)
+            finally:
+                process.kill()
+        is_late = process.returncode == -signal.SIGXCPU
+        limit = f"takes more than {CPU_TIME} s of processor time"
+        problem = limit if is_late else f"ended with code {process.returncode}"
+        what = f"can't be expanded: xacro {problem}"
+        raise DescriptionError(what, file=self.path)
+
+    def _send(self, value: Any) -> None:
+        """Send a line; one that has ended tells why by its code."""
+        with contextlib.suppress(BrokenPipeError):
+            assert self._process.stdin is not None
+            print(json.dumps(value), file=self._process.stdin, flush=True)
+
+    def cancel(self) -> None:
+        """End it, for nobody wants its answer."""
+        with self._process as process:
+            process.kill()
+
+
+# The one that was started ahead, if any.
+_ahead: list[_Expansion] = []
+
+
+def expand_ahead(path: Path, args: Mapping[str, str]) -> None:
+    """Start an expansion that `expand_xacro` will finish, called with the same.
+
+    It has a process of its own. What is imported meanwhile takes as long.
+    """
+    while _ahead:
+        _ahead.pop().cancel()
+    if path.suffix == ".xacro":
+        _ahead.append(_Expansion(path, args))
+
+
 def _run(path: Path, args: Mapping[str, str], packages: PackageFinder) -> Any:
     """Return the answer of `xacro_process` about a file."""
-    # Modules lie where they lie for this process; of ours it needs one.
-    folders = [os.path.abspath(folder) for folder in sys.path]
-    folders.append(str(Path(__file__).parent))
-    code = f"import sys; sys.path[:] = {folders!r}; import xacro_process as x; x.main()"
     arguments = {name: str(value) for name, value in args.items()}
-    request = {"file": str(path), "arguments": arguments}
-    failed: PackageError | None = None
-    with subprocess.Popen(  # noqa: S603  It is our own program.
-        [sys.executable, "-I", "-S", "-X", "utf8", "-c", code],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        encoding="utf-8",
-        errors="surrogateescape",
-    ) as process:
-        try:
-            limits = {"cpu_time": CPU_TIME, "memory": MEMORY, "size": MAX_SIZE}
-            message: Any = {**request, **limits}
-            while True:
-                _send(process, message)
-                line = process.stdout.readline() if process.stdout else ""
-                if not line:
-                    break
-                answer = json.loads(line)
-                if "find" not in answer:
-                    return {**answer, "failed": failed}
-                message = None
-                try:
-                    message = str(packages.find(answer["find"]))
-                except PackageError as error:
-                    failed = error
-        finally:
-            process.kill()
-    is_late = process.returncode == -signal.SIGXCPU
-    limit = f"takes more than {CPU_TIME} s of processor time"
-    problem = limit if is_late else f"ended with code {process.returncode}"
-    raise DescriptionError(f"can't be expanded: xacro {problem}", file=path)
-
-
-def _send(process: subprocess.Popen[str], value: Any) -> None:
-    """Send a line; one that has ended tells why by its code."""
-    with contextlib.suppress(BrokenPipeError):
-        assert process.stdin is not None
-        print(json.dumps(value), file=process.stdin, flush=True)
+    try:
+        expansion = _ahead.pop()
+    except IndexError:
+        return _Expansion(path, arguments).finish(packages)
+    if (expansion.path, expansion.arguments) != (path, arguments):
+        expansion.cancel()
+        expansion = _Expansion(path, arguments)
+    return expansion.finish(packages)
 
 
 def _check_unused(

@@ -171,8 +171,14 @@ _INT64 = 2**63
 class Message:
     """A message: immutable, so that a copy is the message itself."""
 
-    # Its package in ROS, if bags have a topic for what is sent to a controller.
-    _ros_package: ClassVar[str] = ""
+    # Its type in ROS, empty if it has none there.
+    _ros_type: ClassVar[str] = ""
+
+    def __init_subclass__(cls, ros: str = "") -> None:
+        """Take its package in ROS, or its type if that is called otherwise."""
+        super().__init_subclass__()
+        if ros:
+            cls._ros_type = ros if "/" in ros else f"{ros}/msg/{cls.__name__}"
 
     def __copy__(self) -> Self:
         return self
@@ -182,9 +188,8 @@ class Message:
 
 
 def ros_type(kind: type[Message]) -> str | None:
-    """Return the type of a message in ROS, None if bags have no topic for it."""
-    package = kind._ros_package
-    return f"{package}/msg/{kind.__name__}" if package else None
+    """Return the type of a message in ROS, None if it has none."""
+    return kind._ros_type or None
 
 
 @dc.dataclass(frozen=True, order=True)
@@ -299,7 +304,7 @@ def _no_time(value: Any) -> ValueError:
 
 
 @dataclass(frozen=True)
-class Header(Message):
+class Header(Message, ros="std_msgs"):
     """When and in which frame a message holds."""
 
     # Time of validity, seconds are accepted; 0 means "now" where a command is
@@ -333,10 +338,8 @@ def stamp_of(message: Any) -> int:
 
 
 @dataclass(frozen=True)
-class JointState(Message):
+class JointState(Message, ros="sensor_msgs"):
     """State of a set of joints, N of them (`sensor_msgs/JointState`)."""
-
-    _ros_package: ClassVar[str] = "sensor_msgs"
 
     header: Header = Header()
 

@@ -1,7 +1,7 @@
 """Commands and states of controllers other than trajectories, and of their manager."""
 
 import dataclasses as dc
-from typing import ClassVar, Literal
+from typing import Literal
 
 from arm_drake.importing import dataclass
 from arm_drake.messages.base import (
@@ -57,10 +57,8 @@ _STRICTNESS = ("strict", "best_effort", "")
 
 
 @dataclass(frozen=True, eq=False)
-class Float64MultiArray(Message):
+class Float64MultiArray(Message, ros="std_msgs"):
     """Numbers in an agreed order (`std_msgs`); each message is one of its own."""
-
-    _ros_package: ClassVar[str] = "std_msgs"
 
     data: tuple[float, ...] = ()
 
@@ -70,10 +68,8 @@ class Float64MultiArray(Message):
 
 
 @dataclass(frozen=True, eq=False)
-class MultiDOFCommand(Message):
+class MultiDOFCommand(Message, ros="control_msgs"):
     """References of degrees of freedom, n of them (`control_msgs`)."""
-
-    _ros_package: ClassVar[str] = "control_msgs"
 
     # Names; () stands for all, in the order of the controller.
     dof_names: tuple[str, ...] = ()
@@ -90,7 +86,7 @@ class MultiDOFCommand(Message):
 
 
 @dataclass(frozen=True)
-class MultiDOFState(Message):
+class MultiDOFState(Message, ros="control_msgs/msg/SingleDOFState"):
     """State of one degree of freedom (`control_msgs/SingleDOFState`)."""
 
     name: str = ""
@@ -106,7 +102,7 @@ class MultiDOFState(Message):
 
 
 @dataclass(frozen=True)
-class MultiDOFStateStamped(Message):
+class MultiDOFStateStamped(Message, ros="control_msgs"):
     """States of degrees of freedom (`control_msgs`)."""
 
     header: Header = Header()
@@ -121,7 +117,7 @@ class ParametersRejected(Message):
 
 
 @dataclass(frozen=True)
-class InterfaceValue(Message):
+class InterfaceValue(Message, ros="control_msgs"):
     """Values of interfaces of one joint or other component (`control_msgs`)."""
 
     interface_names: tuple[str, ...] = ()
@@ -131,7 +127,7 @@ class InterfaceValue(Message):
 
 
 @dataclass(frozen=True)
-class DynamicJointState(Message):
+class DynamicJointState(Message, ros="control_msgs"):
     """State of joints, sensors and GPIOs with any interfaces (`control_msgs`)."""
 
     header: Header = Header()
@@ -176,10 +172,8 @@ class SwitchControllerResult(Message):
 
 
 @dataclass(frozen=True, eq=False)
-class Float64(Message):
+class Float64(Message, ros="std_msgs"):
     """A number (`std_msgs`); each message is one of its own."""
-
-    _ros_package: ClassVar[str] = "std_msgs"
 
     data: float = 0.0
 
@@ -189,15 +183,13 @@ class Float64(Message):
 
 
 @dataclass(frozen=True, eq=False)
-class Float32(Float64):
+class Float32(Float64, ros="std_msgs"):
     """A number (`std_msgs`), kept with its own digits."""
 
 
 @dataclass(frozen=True, eq=False)
-class Bool(Message):
+class Bool(Message, ros="std_msgs"):
     """Yes or no (`std_msgs`); each message is one of its own."""
-
-    _ros_package: ClassVar[str] = "std_msgs"
 
     data: bool = False
 
@@ -207,7 +199,7 @@ class Bool(Message):
 
 
 @dataclass(frozen=True)
-class GripperCommand(Message):
+class GripperCommand(Message, ros="control_msgs"):
     """Target of a gripper (`control_msgs/GripperCommand`)."""
 
     # [rad] or [m].
@@ -222,7 +214,7 @@ class GripperCommand(Message):
 
 
 @dataclass(frozen=True)
-class GripperCommandGoal(Message):
+class GripperCommandGoal(Message, ros="control_msgs/action/GripperCommand_Goal"):
     """Goal of the action `control_msgs/GripperCommand`."""
 
     command: GripperCommand = GripperCommand()
@@ -248,7 +240,9 @@ class GripperCommandResult(Message):
 
 
 @dataclass(frozen=True)
-class ParallelGripperCommandGoal(Message):
+class ParallelGripperCommandGoal(
+    Message, ros="control_msgs/action/ParallelGripperCommand_Goal"
+):
     """Goal of the action `control_msgs/ParallelGripperCommand`."""
 
     # One position [rad] or [m]; at most one velocity and one effort, which limit the
@@ -281,23 +275,21 @@ class ParallelGripperCommandResult(Message):
 
 
 @dataclass(frozen=True)
-class Int8MultiArray(Message):
+class Int8MultiArray(Message, ros="std_msgs"):
     """Small numbers in an agreed order (`std_msgs`)."""
 
     data: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
-class String(Message):
+class String(Message, ros="std_msgs"):
     """A text (`std_msgs`)."""
-
-    _ros_package: ClassVar[str] = "std_msgs"
 
     data: str = ""
 
 
 @dataclass(frozen=True)
-class AdmittanceControllerState(Message):
+class AdmittanceControllerState(Message, ros="control_msgs"):
     """State of an AdmittanceController (`control_msgs`).
 
     What is given for six axes is along, then about x, y and z of the control frame.
@@ -332,7 +324,7 @@ class AdmittanceControllerState(Message):
 
 
 @dataclass(frozen=True)
-class MecanumDriveControllerState(Message):
+class MecanumDriveControllerState(Message, ros="control_msgs"):
     """State of a MecanumDriveController (`control_msgs`)."""
 
     header: Header = Header()
@@ -348,7 +340,7 @@ class MecanumDriveControllerState(Message):
 
 
 @dataclass(frozen=True)
-class SteeringControllerStatus(Message):
+class SteeringControllerStatus(Message, ros="control_msgs"):
     """Measurements and commands of a steering controller (`control_msgs`).
 
     Of two wheels the right one comes first.
@@ -371,7 +363,7 @@ class SteeringControllerStatus(Message):
 
 
 @dataclass(frozen=True)
-class AckermannDrive(Message):
+class AckermannDrive(Message, ros="ackermann_msgs"):
     """Motion command of a steered base (`ackermann_msgs`)."""
 
     # [rad], and its rate of change [rad/s].
@@ -394,7 +386,7 @@ class ResetOdometry(Message):
 
 
 @dataclass(frozen=True, eq=False)
-class DynamicInterfaceGroupValues(Message):
+class DynamicInterfaceGroupValues(Message, ros="control_msgs"):
     """Values of interfaces by group; each message is one of its own.
 
     Header and values may be given as mappings of their fields. Whether there are as

@@ -4,7 +4,6 @@ What a user sends, twists and wrenches, may be given as mappings of their fields
 """
 
 import math
-from typing import ClassVar
 
 from arm_drake.arrays import Array
 from arm_drake.importing import dataclass
@@ -40,7 +39,7 @@ def _take_parts(message: Message, kinds: dict[str, type]) -> None:
 
 
 @dataclass(frozen=True)
-class Vector3(Message):
+class Vector3(Message, ros="geometry_msgs"):
     """A vector, in the unit of what it is a vector of."""
 
     x: float = 0.0
@@ -53,12 +52,12 @@ class Vector3(Message):
 
 
 @dataclass(frozen=True)
-class Point(Vector3):
+class Point(Vector3, ros="geometry_msgs"):
     """A position [m]."""
 
 
 @dataclass(frozen=True)
-class Point32(Message):
+class Point32(Message, ros="geometry_msgs"):
     """A position [m], of single precision in ROS."""
 
     x: float = 0.0
@@ -67,7 +66,7 @@ class Point32(Message):
 
 
 @dataclass(frozen=True)
-class Quaternion(Message):
+class Quaternion(Message, ros="geometry_msgs"):
     """An orientation."""
 
     x: float = 0.0
@@ -88,10 +87,8 @@ class Quaternion(Message):
 
 
 @dataclass(frozen=True)
-class Twist(Message):
+class Twist(Message, ros="geometry_msgs"):
     """A velocity, in the frame of what moves."""
-
-    _ros_package: ClassVar[str] = "geometry_msgs"
 
     # [m/s].
     linear: Vector3 = Vector3()
@@ -105,10 +102,8 @@ class Twist(Message):
 
 
 @dataclass(frozen=True, eq=False)
-class TwistStamped(Message):
+class TwistStamped(Message, ros="geometry_msgs"):
     """A velocity as of a time; each message is one of its own."""
-
-    _ros_package: ClassVar[str] = "geometry_msgs"
 
     # A stamp of 0 means "now".
     header: Header = Header()
@@ -121,7 +116,7 @@ class TwistStamped(Message):
 
 
 @dataclass(frozen=True)
-class Pose(Message):
+class Pose(Message, ros="geometry_msgs"):
     """A position and an orientation."""
 
     position: Point = Point()
@@ -129,7 +124,7 @@ class Pose(Message):
 
 
 @dataclass(frozen=True)
-class PoseStamped(Message):
+class PoseStamped(Message, ros="geometry_msgs"):
     """A pose as of a time, in the frame of the header."""
 
     header: Header = Header()
@@ -137,7 +132,7 @@ class PoseStamped(Message):
 
 
 @dataclass(frozen=True)
-class Transform(Message):
+class Transform(Message, ros="geometry_msgs"):
     """Pose of a frame in another one."""
 
     # [m].
@@ -147,7 +142,7 @@ class Transform(Message):
 
 
 @dataclass(frozen=True)
-class TransformStamped(Message):
+class TransformStamped(Message, ros="geometry_msgs"):
     """Pose of a frame in the frame of the header, as of a time."""
 
     header: Header = Header()
@@ -156,14 +151,14 @@ class TransformStamped(Message):
 
 
 @dataclass(frozen=True)
-class TFMessage(Message):
+class TFMessage(Message, ros="tf2_msgs"):
     """Poses of frames (`tf2_msgs`)."""
 
     transforms: tuple[TransformStamped, ...] = ()
 
 
 @dataclass(frozen=True)
-class Wrench(Message):
+class Wrench(Message, ros="geometry_msgs"):
     """A force and a torque."""
 
     # [N].
@@ -178,10 +173,8 @@ class Wrench(Message):
 
 
 @dataclass(frozen=True, eq=False)
-class WrenchStamped(Message):
+class WrenchStamped(Message, ros="geometry_msgs"):
     """A wrench as of a time, in the frame of the header; each is one of its own."""
-
-    _ros_package: ClassVar[str] = "geometry_msgs"
 
     header: Header = Header()
     wrench: Wrench = Wrench()
@@ -192,7 +185,7 @@ class WrenchStamped(Message):
 
 
 @dataclass(frozen=True)
-class PoseWithCovariance(Message):
+class PoseWithCovariance(Message, ros="geometry_msgs"):
     """A pose and how certain it is."""
 
     pose: Pose = Pose()
@@ -202,7 +195,7 @@ class PoseWithCovariance(Message):
 
 
 @dataclass(frozen=True)
-class TwistWithCovariance(Message):
+class TwistWithCovariance(Message, ros="geometry_msgs"):
     """A velocity and how certain it is."""
 
     twist: Twist = Twist()
@@ -212,7 +205,7 @@ class TwistWithCovariance(Message):
 
 
 @dataclass(frozen=True)
-class Odometry(Message):
+class Odometry(Message, ros="nav_msgs"):
     """Estimated pose and velocity of a base (`nav_msgs`)."""
 
     header: Header = Header()

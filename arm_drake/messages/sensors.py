@@ -5,7 +5,7 @@ Numbers that are of single precision in ROS keep the digits that they have here.
 
 import dataclasses as dc
 import math
-from typing import ClassVar, Final
+from typing import Final
 
 from arm_drake.importing import dataclass
 from arm_drake.messages.base import Header, Message
@@ -39,7 +39,7 @@ _UPRIGHT: Final = Quaternion()
 
 
 @dataclass(frozen=True)
-class Imu(Message):
+class Imu(Message, ros="sensor_msgs"):
     """Measurement of an inertial measurement unit (`sensor_msgs`)."""
 
     header: Header = Header()
@@ -64,10 +64,8 @@ class Imu(Message):
 
 
 @dataclass(frozen=True)
-class Range(Message):
+class Range(Message, ros="sensor_msgs"):
     """A distance (`sensor_msgs`)."""
-
-    _ros_package: ClassVar[str] = "sensor_msgs"
 
     header: Header = Header()
 
@@ -89,7 +87,7 @@ class Range(Message):
 
 
 @dataclass(frozen=True)
-class NavSatStatus(Message):
+class NavSatStatus(Message, ros="sensor_msgs"):
     """Quality of a satellite fix (`sensor_msgs`)."""
 
     # -2 is unknown, -1 no fix, 0 a fix, 1 one with satellite-based and 2 one with
@@ -101,7 +99,7 @@ class NavSatStatus(Message):
 
 
 @dataclass(frozen=True)
-class NavSatFix(Message):
+class NavSatFix(Message, ros="sensor_msgs"):
     """A place on earth (`sensor_msgs`)."""
 
     header: Header = Header()
@@ -122,7 +120,7 @@ class NavSatFix(Message):
 
 
 @dataclass(frozen=True)
-class MagneticField(Message):
+class MagneticField(Message, ros="sensor_msgs"):
     """A magnetic field (`sensor_msgs`)."""
 
     header: Header = Header()
@@ -135,7 +133,7 @@ class MagneticField(Message):
 
 
 @dataclass(frozen=True)
-class BatteryState(Message):
+class BatteryState(Message, ros="sensor_msgs"):
     """State of a battery, or of several in one (`sensor_msgs`); NaN is unknown."""
 
     header: Header = Header()
@@ -174,14 +172,14 @@ class BatteryState(Message):
 
 
 @dataclass(frozen=True)
-class BatteryStateArray(Message):
+class BatteryStateArray(Message, ros="control_msgs"):
     """States of batteries (`control_msgs`)."""
 
     battery_states: tuple[BatteryState, ...] = ()
 
 
 @dataclass(frozen=True)
-class Keys(Message):
+class Keys(Message, ros="control_msgs"):
     """Names of values (`control_msgs`)."""
 
     header: Header = Header()
@@ -189,7 +187,7 @@ class Keys(Message):
 
 
 @dataclass(frozen=True)
-class Float64Values(Message):
+class Float64Values(Message, ros="control_msgs"):
     """Values, in the order of their Keys (`control_msgs`)."""
 
     header: Header = Header()
@@ -205,7 +203,7 @@ def to_code(value: float, unknown: int) -> int:
 
 
 @dataclass(frozen=True)
-class VDA5050SafetyState(Message):
+class VDA5050SafetyState(Message, ros="control_msgs"):
     """Safety state of the standard VDA 5050 (`control_msgs`)."""
 
     # "none", "manual", "remote" or "autoAck": how an emergency stop has to be ended.
@@ -219,7 +217,7 @@ _NOTHING: Final = Wrench()
 
 
 @dataclass(frozen=True)
-class ContactState(Message):
+class ContactState(Message, ros="gazebo_msgs"):
     """Contact of two shapes, and the forces on the first one."""
 
     # In words.
@@ -242,7 +240,7 @@ class ContactState(Message):
 
 
 @dataclass(frozen=True)
-class ContactsState(Message):
+class ContactsState(Message, ros="gazebo_msgs"):
     """All contacts of a sensor; none while nothing touches."""
 
     header: Header = Header()
@@ -263,10 +261,8 @@ class RegionOfInterest(Message):
 
 
 @dataclass(frozen=True)
-class Image(Message):
+class Image(Message, ros="sensor_msgs"):
     """A picture (`sensor_msgs`); `arm_drake.perception.images` makes it an array."""
-
-    _ros_package: ClassVar[str] = "sensor_msgs"
 
     header: Header = Header()
 
@@ -287,10 +283,8 @@ class Image(Message):
 
 
 @dataclass(frozen=True)
-class CompressedImage(Message):
+class CompressedImage(Message, ros="sensor_msgs"):
     """A picture as a file (`sensor_msgs`)."""
-
-    _ros_package: ClassVar[str] = "sensor_msgs"
 
     header: Header = Header()
 
@@ -302,10 +296,8 @@ class CompressedImage(Message):
 
 
 @dataclass(frozen=True)
-class CameraInfo(Message):
+class CameraInfo(Message, ros="sensor_msgs"):
     """Projection of a camera (`sensor_msgs`), in its optical frame: z ahead, y down."""
-
-    _ros_package: ClassVar[str] = "sensor_msgs"
 
     header: Header = Header()
 
@@ -349,10 +341,8 @@ class PointField(Message):
 
 
 @dataclass(frozen=True)
-class PointCloud2(Message):
+class PointCloud2(Message, ros="sensor_msgs"):
     """Points in the header's frame (`sensor_msgs`)."""
-
-    _ros_package: ClassVar[str] = "sensor_msgs"
 
     header: Header = Header()
 
@@ -373,7 +363,7 @@ class PointCloud2(Message):
 
 
 @dataclass(frozen=True)
-class ChannelFloat32(Message):
+class ChannelFloat32(Message, ros="sensor_msgs"):
     """A number of each point of a PointCloud (`sensor_msgs`)."""
 
     name: str = ""
@@ -381,10 +371,8 @@ class ChannelFloat32(Message):
 
 
 @dataclass(frozen=True)
-class PointCloud(Message):
+class PointCloud(Message, ros="sensor_msgs"):
     """Points in the header's frame, one by one (`sensor_msgs`)."""
-
-    _ros_package: ClassVar[str] = "sensor_msgs"
 
     header: Header = Header()
     points: tuple[Point32, ...] = dc.field(default=(), repr=False)
@@ -392,10 +380,8 @@ class PointCloud(Message):
 
 
 @dataclass(frozen=True)
-class LaserScan(Message):
+class LaserScan(Message, ros="sensor_msgs"):
     """Distances in a plane, counterclockwise about z (`sensor_msgs`)."""
-
-    _ros_package: ClassVar[str] = "sensor_msgs"
 
     header: Header = Header()
 

@@ -3,7 +3,7 @@
 import dataclasses as dc
 import enum
 from collections.abc import Callable
-from typing import ClassVar, TypeAlias, get_args
+from typing import TypeAlias, get_args
 
 from arm_drake.importing import dataclass
 from arm_drake.messages.base import (
@@ -57,7 +57,7 @@ _VECTORS = ("positions", "velocities", "accelerations", "effort")
 
 
 @dataclass(frozen=True)
-class JointTrajectoryPoint(Message):
+class JointTrajectoryPoint(Message, ros="trajectory_msgs"):
     """A point of a trajectory; vectors have one element per joint, or none."""
 
     # [rad] or [m].
@@ -88,10 +88,8 @@ class JointTrajectoryPoint(Message):
 
 
 @dataclass(frozen=True)
-class JointTrajectory(Message):
+class JointTrajectory(Message, ros="trajectory_msgs"):
     """A motion of a set of joints (`trajectory_msgs/JointTrajectory`)."""
-
-    _ros_package: ClassVar[str] = "trajectory_msgs"
 
     # A stamp of 0 starts at once.
     header: Header = Header()
@@ -112,7 +110,7 @@ class JointTrajectory(Message):
 
 
 @dataclass(frozen=True)
-class JointTolerance(Message):
+class JointTolerance(Message, ros="control_msgs"):
     """Tolerance of a joint: 0 takes the controller's default, -1 means any."""
 
     name: str = ""
@@ -133,7 +131,9 @@ class JointTolerance(Message):
 
 
 @dataclass(frozen=True)
-class FollowJointTrajectoryGoal(Message):
+class FollowJointTrajectoryGoal(
+    Message, ros="control_msgs/action/FollowJointTrajectory_Goal"
+):
     """Goal of the action `control_msgs/FollowJointTrajectory`."""
 
     trajectory: JointTrajectory = JointTrajectory()
@@ -192,7 +192,7 @@ class FollowJointTrajectoryFeedback(Message):
 
 
 @dataclass(frozen=True)
-class JointTrajectoryControllerState(Message):
+class JointTrajectoryControllerState(Message, ros="control_msgs"):
     """State of a trajectory controller (`control_msgs`, same name)."""
 
     header: Header = Header()
@@ -205,10 +205,8 @@ class JointTrajectoryControllerState(Message):
 
 
 @dataclass(frozen=True, eq=False)
-class SpeedScalingFactor(Message):
+class SpeedScalingFactor(Message, ros="control_msgs"):
     """Scaling factor of time along trajectories; 0 pauses (`control_msgs`)."""
-
-    _ros_package: ClassVar[str] = "control_msgs"
 
     factor: float = 1.0
 

@@ -14,11 +14,12 @@ Ogre2DistortionPass.cc; unlike there no border is cropped, for CameraInfo couldn
 Ogre2DepthCamera.cc for the near plane.
 """
 
+import dataclasses as dc
 import math
 import zlib
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,11 +33,19 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context
 
-from arm_drake.arrays import Array
+from arm_drake.arrays import Array, is_number
 from arm_drake.controllers.gazebo.plugin import as_topic
 from arm_drake.description.gazebo import GazeboPlugin
-from arm_drake.description.perception_sensors import MOST_PIXELS, CameraSensor
-from arm_drake.errors import InputError
+from arm_drake.description.gazebo_plugins import Noise
+from arm_drake.description.links import Pose
+from arm_drake.description.perception_sensors import (
+    MOST_PIXELS,
+    CameraKind,
+    CameraSensor,
+    find_camera_problem,
+)
+from arm_drake.description.robot import Robot
+from arm_drake.errors import InputError, check_known, suggest
 from arm_drake.messages import CameraInfo, Image, Message, PointCloud2
 from arm_drake.perception.images import (
     color_depths,
@@ -72,6 +81,22 @@ _NEARER: Final = 0.9
 _EDGE: Final = 0.02
 
 
+# What the topic of each kind of camera ends with in Gazebo Sim, and what is on it and
+# on those below it. Where it ends with something, the CameraInfo is beside it.
+_TOPICS: Final[Mapping[CameraKind, tuple[str, Mapping[str, str]]]] = {
+    "color": ("/image", {"image": ""}),
+    "depth": ("/depth_image", {"depth_image": "", "points": "/points"}),
+    "rgbd": (
+        "",
+        {"image": "/image", "depth_image": "/depth_image", "points": "/points"},
+    ),
+    "segmentation": (
+        "/segmentation",
+        {"labels_map": "/labels_map", "colored_map": "/colored_map"},
+    ),
+}
+
+
 def topics_of(camera: CameraSensor, robot: str, world: str) -> dict[str, str]:
     """Return the topics of a camera by what is on them.
 
@@ -87,24 +112,11 @@ def topics_of(camera: CameraSensor, robot: str, world: str) -> dict[str, str]:
     own = camera.topic
     if camera.part and own:
         own = f"{own}/{camera.part}/image"
-    if camera.kind == "rgbd":
-        base = own or place
-        ends = ("image", "depth_image", "points", "camera_info")
-        topics = {end: f"{base}/{end}" for end in ends}
-    elif camera.kind == "depth":
-        base = own or f"{place}/depth_image"
-        info = f"{base.rpartition('/')[0]}/camera_info"
-        topics = {"depth_image": base, "points": f"{base}/points", "camera_info": info}
-    elif camera.kind == "segmentation":
-        base = own or f"{place}/segmentation"
-        topics = {end: f"{base}/{end}" for end in ("labels_map", "colored_map")}
-        topics["camera_info"] = f"{base.rpartition('/')[0]}/camera_info"
-    else:
-        base = own or f"{place}/image"
-        topics = {
-            "image": base,
-            "camera_info": f"{base.rpartition('/')[0]}/camera_info",
-        }
+    end, parts = _TOPICS[camera.kind]
+    base = own or f"{place}{end}"
+    topics = {name: f"{base}{part}" for name, part in parts.items()}
+    folder = base.rpartition("/")[0] if end else base
+    topics["camera_info"] = f"{folder}/camera_info"
     if camera.info_topic:
         topics["camera_info"] = camera.info_topic
     return {name: as_topic(topic) for name, topic in topics.items()}
@@ -330,21 +342,19 @@ class Camera(SensorSystem):
     that nobody reads are not taken.
     """
 
+    pictures = ("image", "colored_map")
+
     def __init__(self, sensor: CameraSensor, place: Place, scenery: Scenery) -> None:
         """Create the system."""
         topics = topics_of(sensor, place.robot, place.world)
         super().__init__(sensor, place, scenery, topics, R_SENSOR_OPTICAL)
         self.sensor = sensor
         self._image_frame = sensor.optical_frame_id or self.frame_id
-        self._takers = {"color": self._take_color} if self._sees else {}
+        self._takers = {"color": self._take_color} if sensor.has_color else {}
         if sensor.has_depth:
             self._takers["depth"] = self._take_depth
         self._takers["labels"] = self._take_labels
         self._declare_topics()
-
-    @property
-    def _sees(self) -> bool:
-        return self.sensor.kind != "segmentation" and self.sensor.has_color
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -484,7 +494,7 @@ class Camera(SensorSystem):
             # Gazebo Sim's points are in the frame of the sensor, x ahead.
             points = points @ R_SENSOR_OPTICAL.matrix().T.astype(np.float32)
             frame = self.frame_id
-        colors = self.take(context, "color") if self._sees else None
+        colors = self.take(context, "color") if self.sensor.has_color else None
         return make_cloud(self._header(context, frame), points, colors)
 
 
@@ -538,9 +548,14 @@ class CameraHandle(SensorHandle[Camera]):
         depths: NDArray[np.float32] = self._take("depth")
         return depths.copy()
 
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The pictures that it takes, of "color", "depth" and "labels"."""
+        return self._system.kinds
+
     def has(self, what: str) -> bool:
-        """Return whether it takes pictures of a kind: "color", "depth" or "labels"."""
-        return what in self._system.kinds
+        """Return whether it takes pictures of a kind."""
+        return what in self.kinds
 
     def labels(self) -> NDArray[np.uint16]:
         """Return what each pixel shows, shape (height, width), as `label_names` says.
@@ -597,7 +612,7 @@ class CameraHandle(SensorHandle[Camera]):
             InputError: If it has no such picture.
             ArmDrakeError: As `color`.
         """
-        pixels = self._take(what or self._system.kinds[0])
+        pixels = self._take(what or self.kinds[0])
         if pixels.ndim == 3:
             return pixels
         return (
@@ -612,6 +627,119 @@ class CameraHandle(SensorHandle[Camera]):
         if not self.has(kind):
             raise InputError(
                 f"camera {self.sensor.name!r} is a {self.sensor.kind} camera and has "
-                f"no {kind}; it has {', '.join(self._system.kinds)}"
+                f"no {kind}; it has {', '.join(self.kinds)}"
             )
         return self._system.take(self._own_context(), kind)
+
+
+def add_camera(
+    robot: Robot,
+    link: str,
+    pose: Sequence[float] = (0.0,) * 6,
+    *,
+    name: str = "camera",
+    kind: CameraKind = "rgbd",
+    width: int = 640,
+    height: int = 480,
+    horizontal_fov: float = math.radians(69.0),
+    near: float = 0.05,
+    far: float = 20.0,
+    update_rate: float = 30.0,
+    noise: float = 0.0,
+) -> Robot:
+    """Return a robot with one more camera.
+
+    Its topics are `image`, `depth_image`, `points`, `segmentation/labels_map`,
+    `segmentation/colored_map` and `camera_info` below `/<name>`, as far as it has them.
+
+    Args:
+        robot: The robot, which stays as it is.
+        link: Link that carries the camera; "world" is one that stands still.
+        pose: Where it is in the link, x ahead, y left and z up: x, y, z [m], roll,
+            pitch, yaw [rad].
+        name: Name of the camera, which no other of the robot has.
+        kind: "color", "depth", "rgbd" or "segmentation".
+        width: Width of its pictures [pixels].
+        height: Height of its pictures [pixels].
+        horizontal_fov: Angle between their left and right edges [rad].
+        near: What is nearer isn't seen, but what is behind it [m].
+        far: What is farther isn't seen [m].
+        update_rate: Pictures per second [Hz].
+        noise: Standard deviation of its colours, which go from 0 to 1; of a depth
+            camera that of its depths [m].
+
+    Raises:
+        InputError: If there is no such link, the name is taken, or an argument is
+            wrong.
+    """
+    X_LS = _check_camera(robot, link, pose, name, kind)
+    camera = CameraSensor(
+        name=name,
+        link=link,
+        pose=X_LS,
+        update_rate=update_rate,
+        topic=f"{name}{_TOPICS[kind][0]}",
+        noise=Noise(stddev=noise),
+        kind=kind,
+        horizontal_fov=horizontal_fov,
+        width=width,
+        height=height,
+        near=near,
+        far=far,
+        min_depth=near,
+        max_depth=far,
+    )
+    sensors = (*robot.description.perception_sensors, _checked(camera))
+    description = dc.replace(robot.description, perception_sensors=sensors)
+    return dc.replace(robot, description=description)
+
+
+def _checked(camera: CameraSensor) -> CameraSensor:
+    """Return a camera, or raise InputError if a number is wrong, or is none."""
+    where = f"camera {camera.name!r}"
+    names = ("width", "height", "horizontal_fov", "near", "far", "update_rate")
+    numbers = {name: getattr(camera, name) for name in names}
+    for name, value in (numbers | {"noise": camera.noise.stddev}).items():
+        if not is_number(value):
+            raise InputError(f"{name}: expected a number, got {value!r}", where=where)
+    size = (camera.width, camera.height)
+    problem = find_camera_problem(camera.horizontal_fov, size, camera.near, camera.far)
+    if not 0.0 < camera.update_rate < math.inf:
+        rate = f"{camera.update_rate:g}"
+        problem = f"update_rate: expected a finite number above 0 Hz, got {rate}"
+    if not 0.0 <= camera.noise.stddev < math.inf:
+        noise = f"{camera.noise.stddev:g}"
+        problem = f"noise: expected a finite number of at least 0, got {noise}"
+    if problem:
+        raise InputError(problem, where=where)
+    return dc.replace(camera, width=int(camera.width), height=int(camera.height))
+
+
+def _check_camera(
+    robot: Robot, link: str, pose: Sequence[float], name: str, kind: str
+) -> Pose:
+    """Return a camera's pose, or raise InputError."""
+    if not isinstance(robot, Robot):
+        expected = "expected a robot of arm_drake.load_robot"
+        raise InputError(f"robot: {expected}, got {robot!r}")
+    for what, text in (("link", link), ("name", name), ("kind", kind)):
+        if not isinstance(text, str):
+            raise InputError(f"{what}: expected a text, got {text!r}")
+    where = f"camera {name!r}"
+    description = robot.description
+    known = [*description.links, "world"]
+    check_known("link", link, known, where=where)
+    if not name or name in [s.name for s in description.perception_sensors]:
+        problem = "a sensor is called so already" if name else "expected a name"
+        raise InputError(problem, where=where)
+    if kind not in (kinds := get_args(CameraKind)):
+        raise InputError(f"kind {kind!r}; {suggest(kind, kinds)}", where=where)
+    try:
+        numbers = [] if isinstance(pose, str) else [float(number) for number in pose]
+    except (TypeError, ValueError, OverflowError):
+        numbers = []
+    if len(numbers) != 6 or not all(map(math.isfinite, numbers)):
+        problem = f"pose: expected x, y, z [m], roll, pitch, yaw [rad], got {pose!r}"
+        raise InputError(problem, where=where)
+    x, y, z, roll, pitch, yaw = numbers
+    return (x, y, z, roll, pitch, yaw)

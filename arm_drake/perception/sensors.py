@@ -1,13 +1,12 @@
-"""The sensors of robots as systems of a diagram: a row for each kind of sensor."""
+"""The sensors of robots as systems of a diagram: what all kinds have in common."""
 
 import abc
 import dataclasses as dc
 import importlib
-import math
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, Final, Generic, NamedTuple, TypeVar, get_args
+from typing import Any, ClassVar, Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,21 +22,12 @@ from pydrake.systems.framework import (
     ValueProducer,
 )
 
-from arm_drake.arrays import is_number
 from arm_drake.controllers.gazebo.plugin import as_topic, ros_topic, with_node
 from arm_drake.description.gazebo import GazeboPlugin
-from arm_drake.description.gazebo_plugins import Noise
-from arm_drake.description.links import Pose
-from arm_drake.description.perception_sensors import (
-    CameraKind,
-    CameraSensor,
-    LidarSensor,
-    PerceptionSensor,
-    find_camera_problem,
-)
+from arm_drake.description.perception_sensors import PerceptionSensor
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
-from arm_drake.errors import InputError, check_known, suggest
+from arm_drake.errors import InputError, suggest
 from arm_drake.manager.connections import with_prefix
 from arm_drake.messages import Header, Message
 from arm_drake.perception.images import compress
@@ -86,6 +76,9 @@ class SensorSystem(PythonSystem):
     depends on the time, and the ports keep no values: what was measured is kept by all
     of them in one place, with its time, until something may have moved.
     """
+
+    # On which of its topics, as `topics` calls them, pictures are that logs compress.
+    pictures: ClassVar[tuple[str, ...]] = ()
 
     def __init__(
         self,
@@ -247,14 +240,6 @@ def find_classic_topics(
     return {key: ros_topic(name, namespace, rules) for key, name in names.items()}
 
 
-# What makes the system of a sensor, "module:class": a SensorSystem that is called with
-# the sensor, its Place and the Scenery.
-SENSORS: Final[Mapping[type[PerceptionSensor], str]] = {
-    CameraSensor: "arm_drake.perception.cameras:Camera",
-    LidarSensor: "arm_drake.perception.lidar:Lidar",
-}
-
-
 class _Sampled(NamedTuple):
     """Messages of a time, and those before: a copy is the thing itself."""
 
@@ -291,7 +276,7 @@ class SensorLog(PythonSystem):
         super().__init__()
         self.topics = tuple(sensor.output_types)
         self._image_format = image_format
-        pictures = {sensor.topics.get(name) for name in ("image", "colored_map")}
+        pictures = {sensor.topics.get(name) for name in sensor.pictures}
         if image_format == "raw":
             pictures = set()
         names = list(map(SensorSystem.topic_of, self.topics))
@@ -378,10 +363,8 @@ def add_sensors(
     publishers = dict(place.taken)
     query = scene_graph.GetOutputPort("query")
     for sensor in robot.description.perception_sensors:
-        if type(sensor) not in SENSORS:
-            continue
         sensor = _restrain(sensor, time_step, report)
-        module, _, name = SENSORS[type(sensor)].partition(":")
+        module, _, name = sensor.system.partition(":")
         make: Any = getattr(importlib.import_module(module), name)
         system = make(sensor, place._replace(taken=publishers), scenery)
         builder.AddNamedSystem(f"{prefix}sensor:{sensor.name}", system)
@@ -437,121 +420,3 @@ def check_logged(names: Sequence[str], robots: Mapping[str, Robot]) -> None:
         if name not in known:
             hint = suggest(name, known) if known else "the robots have none"
             raise InputError(f"log_images: no camera or lidar {name!r}; {hint}")
-
-
-def add_camera(
-    robot: Robot,
-    link: str,
-    pose: Sequence[float] = (0.0,) * 6,
-    *,
-    name: str = "camera",
-    kind: CameraKind = "rgbd",
-    width: int = 640,
-    height: int = 480,
-    horizontal_fov: float = math.radians(69.0),
-    near: float = 0.05,
-    far: float = 20.0,
-    update_rate: float = 30.0,
-    noise: float = 0.0,
-) -> Robot:
-    """Return a robot with one more camera.
-
-    Its topics are `/<name>/image`, `/<name>/depth_image`, `/<name>/points` and
-    `/<name>/camera_info`, as far as it has them.
-
-    Args:
-        robot: The robot, which stays as it is.
-        link: Link that carries the camera; "world" is one that stands still.
-        pose: Where it is in the link, x ahead, y left and z up: x, y, z [m], roll,
-            pitch, yaw [rad].
-        name: Name of the camera, which no other of the robot has.
-        kind: "color", "depth", "rgbd" or "segmentation".
-        width: Width of its pictures [pixels].
-        height: Height of its pictures [pixels].
-        horizontal_fov: Angle between their left and right edges [rad].
-        near: What is nearer isn't seen, but what is behind it [m].
-        far: What is farther isn't seen [m].
-        update_rate: Pictures per second [Hz].
-        noise: Standard deviation of its colours, which go from 0 to 1; of a depth
-            camera that of its depths [m].
-
-    Raises:
-        InputError: If there is no such link, the name is taken, or an argument is
-            wrong.
-    """
-    X_LS = _check_camera(robot, link, pose, name, kind)
-    end = {"color": "/image", "depth": "/depth_image"}.get(kind, "")
-    camera = CameraSensor(
-        name=name,
-        link=link,
-        pose=X_LS,
-        update_rate=update_rate,
-        topic=f"{name}{end}",
-        noise=Noise(stddev=noise),
-        kind=kind,
-        horizontal_fov=horizontal_fov,
-        width=width,
-        height=height,
-        near=near,
-        far=far,
-        min_depth=near,
-        max_depth=far,
-    )
-    return _with_sensor(robot, _checked(camera))
-
-
-def _with_sensor(robot: Robot, sensor: PerceptionSensor) -> Robot:
-    sensors = (*robot.description.perception_sensors, sensor)
-    description = dc.replace(robot.description, perception_sensors=sensors)
-    return dc.replace(robot, description=description)
-
-
-def _checked(camera: CameraSensor) -> CameraSensor:
-    """Return a camera, or raise InputError if a number is wrong, or is none."""
-    where = f"camera {camera.name!r}"
-    names = ("width", "height", "horizontal_fov", "near", "far", "update_rate")
-    numbers = {name: getattr(camera, name) for name in names}
-    for name, value in (numbers | {"noise": camera.noise.stddev}).items():
-        if not is_number(value):
-            raise InputError(f"{name}: expected a number, got {value!r}", where=where)
-    size = (camera.width, camera.height)
-    problem = find_camera_problem(camera.horizontal_fov, size, camera.near, camera.far)
-    if not 0.0 < camera.update_rate < math.inf:
-        rate = f"{camera.update_rate:g}"
-        problem = f"update_rate: expected a finite number above 0 Hz, got {rate}"
-    if not 0.0 <= camera.noise.stddev < math.inf:
-        noise = f"{camera.noise.stddev:g}"
-        problem = f"noise: expected a finite number of at least 0, got {noise}"
-    if problem:
-        raise InputError(problem, where=where)
-    return dc.replace(camera, width=int(camera.width), height=int(camera.height))
-
-
-def _check_camera(
-    robot: Robot, link: str, pose: Sequence[float], name: str, kind: str
-) -> Pose:
-    """Return a camera's pose, or raise InputError."""
-    if not isinstance(robot, Robot):
-        expected = "expected a robot of arm_drake.load_robot"
-        raise InputError(f"robot: {expected}, got {robot!r}")
-    for what, text in (("link", link), ("name", name), ("kind", kind)):
-        if not isinstance(text, str):
-            raise InputError(f"{what}: expected a text, got {text!r}")
-    where = f"camera {name!r}"
-    description = robot.description
-    known = [*description.links, "world"]
-    check_known("link", link, known, where=where)
-    if not name or name in [s.name for s in description.perception_sensors]:
-        problem = "a sensor is called so already" if name else "expected a name"
-        raise InputError(problem, where=where)
-    if kind not in (kinds := get_args(CameraKind)):
-        raise InputError(f"kind {kind!r}; {suggest(kind, kinds)}", where=where)
-    try:
-        numbers = [] if isinstance(pose, str) else [float(number) for number in pose]
-    except (TypeError, ValueError, OverflowError):
-        numbers = []
-    if len(numbers) != 6 or not all(map(math.isfinite, numbers)):
-        problem = f"pose: expected x, y, z [m], roll, pitch, yaw [rad], got {pose!r}"
-        raise InputError(problem, where=where)
-    x, y, z, roll, pitch, yaw = numbers
-    return (x, y, z, roll, pitch, yaw)

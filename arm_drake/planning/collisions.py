@@ -58,7 +58,7 @@ from arm_drake.plant.plant import (
     fix_free_joints,
     without_shapes,
 )
-from arm_drake.worlds.sdf_world import LoadedWorld
+from arm_drake.worlds.things import LoadedWorld
 from arm_drake.worlds.world import World
 
 # Pairs of links that touch in so large a part of random configurations always do: their

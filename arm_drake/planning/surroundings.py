@@ -22,7 +22,7 @@ from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, suggest
 from arm_drake.plant.contact import GROUND
 from arm_drake.plant.kinematics import KinematicPlant
-from arm_drake.worlds.sdf_world import LoadedWorld
+from arm_drake.worlds.things import LoadedWorld
 from arm_drake.worlds.world import World, load_world
 
 # Drake keeps what is filtered for each pair of shapes of a SceneGraph: time and memory

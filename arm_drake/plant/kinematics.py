@@ -16,7 +16,6 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, JacobianWrtVariable, ModelInstanceIndex
 from pydrake.systems.framework import Context, DiagramBuilder, InputPort
-from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from arm_drake.arrays import Array
 from arm_drake.description.joints import MOVABLE_TYPES, WORLD, joints_above
@@ -175,6 +174,8 @@ class KinematicPlant(PythonSystem):
         self, builder: DiagramBuilder, scene_graph: SceneGraph
     ) -> None:
         """Move the shapes of the plant along."""
+        from pydrake.systems.rendering import MultibodyPositionToGeometryPose
+
         shapes = builder.AddSystem(MultibodyPositionToGeometryPose(self.plant))
         builder.Connect(self.GetOutputPort("positions"), shapes.get_input_port())
         source = self.plant.get_source_id()

@@ -12,9 +12,9 @@ import functools
 import os
 import struct
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -239,37 +239,34 @@ def _text(text: str) -> bytes:
     return _sized(text.encode())
 
 
-# What no type store of rosbags has: the fields of `control_msgs` (jazzy), which are
-# facts of the wire format.
-_DEFINITIONS = {
-    "InterfaceValue": "string[] interface_names\nfloat64[] values",
-    "DynamicJointState": (
-        "std_msgs/Header header\nstring[] joint_names\n"
-        "control_msgs/InterfaceValue[] interface_values"
-    ),
-    "JointTrajectoryControllerState": (
-        "std_msgs/Header header\nstring[] joint_names\n"
-        + "".join(
-            f"trajectory_msgs/JointTrajectoryPoint {name}\n"
-            for name in ("reference", "feedback", "error", "output")
-        )
-        + "string[] multi_dof_joint_names\n"
-        + "".join(
-            f"trajectory_msgs/MultiDOFJointTrajectoryPoint multi_dof_{name}\n"
-            for name in ("reference", "feedback", "error", "output")
-        )
-        + "float64 speed_scaling_factor"
-    ),
-    "MultiDOFCommand": "string[] dof_names\nfloat64[] values\nfloat64[] values_dot",
-    "SpeedScalingFactor": "float64 factor",
-}
+# Definitions of types that no type store of rosbags has.
+_DEFINITIONS = Path(messages.__file__).with_name("definitions.txt")
+
+
+class Definition(NamedTuple):
+    """A type's definition: of a message one text, of a service two, an action three."""
+
+    name: str
+    texts: tuple[str, ...]
+
+
+def read_definitions(distro: str) -> Iterator[Definition]:
+    """Yield the definitions of a distribution."""
+    text = _DEFINITIONS.read_text(encoding="utf-8")
+    for section in text.split("\n== ")[1:]:
+        head, _, body = section.partition("\n")
+        name, *distros = head.split()
+        if not distros or distro in distros:
+            parts = "".join(f"{line}\n" for line in body.splitlines()).split("---\n")
+            yield Definition(name, tuple(parts))
 
 
 def type_of(message: str) -> str | None:
     """Return the type in ROS of a class of messages, None if bags have no topic."""
     kind = getattr(messages, message, None)
     if isinstance(kind, type) and issubclass(kind, messages.Message):
-        return ros_type(kind)
+        type_ = ros_type(kind)
+        return type_ if type_ in load_types() else None
     return None
 
 
@@ -281,8 +278,9 @@ def load_types() -> "RosTypes":
     except ImportError:
         raise MissingExtraError("a log of ROS 2 messages (.mcap)", "bag") from None
     store = get_typestore(Stores.ROS2_JAZZY)
-    for name, text in _DEFINITIONS.items():
-        store.register(get_types_from_msg(text, f"control_msgs/msg/{name}"))
+    for name, texts in read_definitions("jazzy"):
+        if "/msg/" in name:
+            store.register(get_types_from_msg(texts[0], name))
     return RosTypes(store)
 
 
@@ -293,6 +291,10 @@ class RosTypes:
         """Create it with a type store of rosbags."""
         self._store = store
         self._plans: dict[str, tuple[Any, dict[str, Any], dict[str, Any]]] = {}
+
+    def __contains__(self, type_: object) -> bool:
+        """Return whether there is a message type."""
+        return type_ in self._store.fielddefs
 
     def schema(self, type_: str) -> str:
         """Return the definition of a type and of those that it contains."""

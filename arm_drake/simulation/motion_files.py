@@ -1,6 +1,5 @@
 """Motions from files: their parameters, tables, and the kinds of steps."""
 
-import csv
 import itertools
 import os
 import re
@@ -224,6 +223,8 @@ def _read_inline(fields: Fields, value: Any) -> _Table:
 
 
 def _read_csv(fields: Fields, name: str, file: Path | None) -> _Table:
+    import csv
+
     path = Path(name) if file is None else file.parent / name
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:

@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 import functools
-import hashlib
 import math
 import platform
 import weakref
@@ -409,6 +408,8 @@ def _hash_content(file: Path, time_ns: int, size: int) -> str:
 
 
 def _hash(data: bytes) -> str:
+    import hashlib  # It brings OpenSSL, 4 MB, and few runs are recorded.
+
     return hashlib.sha256(data).hexdigest()
 
 

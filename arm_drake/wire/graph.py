@@ -37,6 +37,7 @@ from arm_drake.messages import (
     TFMessage,
     Time,
 )
+from arm_drake.messages.base import ros_type
 from arm_drake.rollout.bag import contact_topic, make_tf, stamp
 from arm_drake.rollout.link_poses import (
     LinkTransform,
@@ -54,7 +55,7 @@ from arm_drake.simulation.topics import (
     message_type,
     sensor_type,
 )
-from arm_drake.wire.types import WireTypes, to_fields, type_of
+from arm_drake.wire.types import WireTypes, to_fields
 
 # How often a topic is told at most [Hz]: that of robot_state_publisher, and of ours.
 _TF_RATE, _CLOCK_RATE = 50.0, 100.0
@@ -401,7 +402,7 @@ class Graph:
                 if sensor_type(source) and self._read(other, source):
                     topic.others.append(other)
             taken = input_type(found.inputs[0]) if found.inputs else None
-            kind = None if taken is None else type_of(taken)
+            kind = None if taken is None else ros_type(taken)
             if kind is not None and topic.type in ("", kind):
                 topic.type, topic.takes = kind, taken
                 topic.subscriber = _node_of(found.inputs[0])
@@ -420,7 +421,7 @@ class Graph:
         else:
             value = port.Eval(self.simulation.simulator.get_context())
             made = value.__class__ if isinstance(value, Message) else None
-        kind = None if made is None else type_of(made)
+        kind = None if made is None else ros_type(made)
         if made is None or kind is None:
             self.left_out.append(topic.name)
             return False

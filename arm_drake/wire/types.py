@@ -1,7 +1,7 @@
 """Types of ROS 2 by distribution: definitions, hashes, and messages as plain data.
 
 Plain data is what JSON has: mappings, lists, numbers, texts. Types are those of the
-stores of rosbags, and those of `definitions.txt`.
+stores of rosbags, and those of `messages/definitions.txt`.
 """
 
 import base64
@@ -10,8 +10,7 @@ import functools
 import struct
 import typing
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,9 +18,7 @@ from arm_drake import messages
 from arm_drake.errors import InputError, MissingExtraError, suggest
 from arm_drake.messages import Duration, Message, Time
 from arm_drake.messages.base import NANOSECONDS
-from arm_drake.rollout.mcap import RosTypes
-
-_DEFINITIONS = Path(__file__).with_name("definitions.txt")
+from arm_drake.rollout.mcap import Definition, RosTypes, read_definitions
 
 # Distributions, and the store of rosbags that has their common messages.
 _STORES = {
@@ -37,73 +34,11 @@ NO_HASH = "TypeHashNotSupported"
 # Parts of a service and of an action.
 _PARTS = {"srv": ("Request", "Response"), "action": ("Goal", "Result", "Feedback")}
 
-# Packages of our messages in ROS.
-_PACKAGES: Mapping[str, str] = {
-    "ackermann_msgs": "AckermannDrive",
-    "gazebo_msgs": "ContactState ContactsState",
-    "geometry_msgs": "Point Point32 Pose PoseStamped PoseWithCovariance Quaternion "
-    "Transform TransformStamped Twist TwistStamped TwistWithCovariance Vector3 Wrench "
-    "WrenchStamped",
-    "nav_msgs": "Odometry",
-    "sensor_msgs": "BatteryState CameraInfo ChannelFloat32 CompressedImage Image Imu "
-    "JointState LaserScan MagneticField NavSatFix NavSatStatus PointCloud PointCloud2 "
-    "Range",
-    "std_msgs": "Bool Float32 Float64 Float64MultiArray Header Int8MultiArray String",
-    "tf2_msgs": "TFMessage",
-    "trajectory_msgs": "JointTrajectory JointTrajectoryPoint",
-    "control_msgs": "AdmittanceControllerState BatteryStateArray "
-    "DynamicInterfaceGroupValues DynamicJointState Float64Values GripperCommand "
-    "InterfaceValue JointTolerance JointTrajectoryControllerState Keys "
-    "MecanumDriveControllerState MultiDOFCommand MultiDOFStateStamped "
-    "SpeedScalingFactor SteeringControllerStatus VDA5050SafetyState",
-}
-
-# Those that are called otherwise there.
-_OTHER_NAMES = {
-    "MultiDOFState": "control_msgs/msg/SingleDOFState",
-    "FollowJointTrajectoryGoal": "control_msgs/action/FollowJointTrajectory_Goal",
-    "GripperCommandGoal": "control_msgs/action/GripperCommand_Goal",
-    "ParallelGripperCommandGoal": "control_msgs/action/ParallelGripperCommand_Goal",
-}
-
-
-@functools.cache
-def _names() -> Mapping[str, str]:
-    named = {
-        name: f"{package}/msg/{name}"
-        for package, names in _PACKAGES.items()
-        for name in names.split()
-    }
-    return {**named, **_OTHER_NAMES}
-
-
-def type_of(kind: type) -> str | None:
-    """Return the type in ROS of a class of messages, None if it has none."""
-    return _names().get(kind.__name__)
-
 
 def full_name(type_: str, what: str = "msg") -> str:
     """Return "sensor_msgs/msg/JointState" for it, or for "sensor_msgs/JointState"."""
     package, _, rest = type_.partition("/")
     return type_ if "/" in rest or not rest else f"{package}/{what}/{rest}"
-
-
-class _Definition(NamedTuple):
-    """A type's definition: of a message one text, of a service two, an action three."""
-
-    name: str
-    texts: tuple[str, ...]
-
-
-def _read_definitions(distro: str) -> Iterator[_Definition]:
-    """Yield the definitions of a distribution."""
-    text = _DEFINITIONS.read_text(encoding="utf-8")
-    for section in text.split("\n== ")[1:]:
-        head, _, body = section.partition("\n")
-        name, *distros = head.split()
-        if not distros or distro in distros:
-            parts = "".join(f"{line}\n" for line in body.splitlines()).split("---\n")
-            yield _Definition(name, tuple(parts))
 
 
 # What every action has, in terms of its goal, result and feedback.
@@ -137,13 +72,13 @@ class WireTypes:
         self.distro, self._store = distro, store
         self.services: set[str] = set()
         self.actions: set[str] = set()
-        for definition in _read_definitions(distro):
+        for definition in read_definitions(distro):
             self._register(definition)
         self._ros = RosTypes(store)
         self._hashes: dict[str, str] = {}
         self._fillers: dict[str, Callable[[Any, str], Any]] = {}
 
-    def _register(self, definition: _Definition) -> None:
+    def _register(self, definition: Definition) -> None:
         package, kind, name = definition.name.split("/")
         if kind == "msg":
             self._add(f"{package}/msg/{name}", definition.texts[0])
@@ -182,7 +117,7 @@ class WireTypes:
 
     def __contains__(self, type_: str) -> bool:
         """Return whether a message type is known."""
-        return type_ in self._store.fielddefs
+        return type_ in self._ros
 
     def __iter__(self) -> Iterator[str]:
         """Yield the names of all message types."""

@@ -1,12 +1,23 @@
-"""Worlds as loaded, and the `<world>` of an SDF file, cleaned for Drake."""
+"""The `<world>` of an SDF file, cleaned for Drake, and how it is added to plants."""
 
 import dataclasses as dc
+import re
+import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
-from pydrake.geometry import Meshcat
+from pydrake.geometry import RenderLabel, SceneGraph
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import (
+    BodyIndex,
+    FixedOffsetFrame,
+    ModelInstanceIndex,
+    world_index,
+)
 
 from arm_drake.description.elements import (
     free_name,
@@ -17,64 +28,16 @@ from arm_drake.description.elements import (
 from arm_drake.description.links import Vector
 from arm_drake.description.report import LoadReport, Severity
 from arm_drake.importing import dataclass
-from arm_drake.worlds.lights import Light, read_lights
+from arm_drake.plant.plant import drake_messages
+from arm_drake.worlds.lights import read_lights
 from arm_drake.worlds.sdf_files import (
     SdfFile,
     name_of,
     read_sdf,
     replace_child,
 )
-from arm_drake.worlds.sdf_models import Cleaner, GroundLook
-
-
-def _add_nothing(plant: MultibodyPlant) -> None:
-    del plant
-
-
-@dataclass(frozen=True, eq=False)
-class LoadedWorld:
-    """A world as loaded."""
-
-    # Its name, which topics of Gazebo contain.
-    name: str = "empty"
-
-    # Adds it to a plant that isn't finalized.
-    add_to: Callable[[MultibodyPlant], None] = _add_nothing
-
-    # Whether it may have things that move, and can be held.
-    has_things: bool = False
-
-    # Acceleration [m/s^2]; None is Earth's, 9.81 along -z.
-    gravity: Vector | None = None
-
-    # Whether the page shows its grid.
-    has_grid: bool = True
-
-    # How its ground looks, None where it draws none.
-    ground: GroundLook | None = None
-
-    # Colour of the page behind everything, red, green and blue from 0 to 1.
-    background: Vector | None = None
-
-    # Lights by which cameras see; None are those of a day.
-    lights: tuple[Light, ...] | None = None
-
-    # What was not taken as written.
-    report: LoadReport = dc.field(default_factory=LoadReport)
-
-
-def show_backdrop(
-    meshcat: Meshcat,
-    *,
-    has_grid: bool = True,
-    background: Vector | None = None,
-) -> None:
-    """Show a page as a world wants it; without a background it keeps Meshcat's."""
-    meshcat.SetProperty("/Grid", "visible", has_grid)
-    if background is not None:
-        for end in ("top_color", "bottom_color"):
-            meshcat.SetProperty("/Background", end, list(background))
-
+from arm_drake.worlds.sdf_models import FOLDER, Cleaner
+from arm_drake.worlds.things import LoadedWorld
 
 # Plugins of a world that do what arm_drake does without them.
 _BUILT_IN = (
@@ -281,3 +244,168 @@ def _vector(text: str) -> Vector | None:
         return None
     x, y, z = values
     return x, y, z
+
+
+def load_sdf_world(path: Path, package_paths: Sequence[Path] = ()) -> LoadedWorld:
+    """Return the world of an SDF file.
+
+    What stands still becomes shapes of the world body, with a frame for each link, in
+    a model instance for each model: bodies that are welded to the world would cost time
+    in every step.
+    """
+    world = read_world(path, package_paths)
+    is_linked = _is_linked(world)
+    static = [] if is_linked else list(world.static)
+    moving = [*world.static, *world.moving] if is_linked else list(world.moving)
+    _check_empty(world)
+    frames = _keep_what_drake_takes(world, static)
+    moved = _keep_what_drake_takes(world, moving)
+
+    def add_to(plant: MultibodyPlant) -> None:
+        if static and frames is not None:
+            _add_standing(plant, *frames)
+        if moving:
+            _parse(plant, world, moving)
+
+    has_things = moved is not None and any(
+        not moved[0].IsAnchored(moved[0].get_body(BodyIndex(i)))
+        for i in range(moved[0].num_bodies())
+    )
+    adder = _AddSdfWorld(add_to, path, tuple(package_paths))
+    return dc.replace(world.loaded, add_to=adder, has_things=has_things)
+
+
+@dataclass(frozen=True, eq=False)
+class _AddSdfWorld:
+    """Adds the world of an SDF file to plants; elsewhere its file is read again."""
+
+    add_to: Callable[[MultibodyPlant], None]
+    path: Path
+    package_paths: tuple[Path, ...]
+
+    def __call__(self, plant: MultibodyPlant) -> None:
+        self.add_to(plant)
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        return _read_again, (self.path, self.package_paths)
+
+
+def _read_again(
+    path: Path, package_paths: tuple[Path, ...]
+) -> Callable[[MultibodyPlant], None]:
+    return load_sdf_world(path, package_paths).add_to
+
+
+def _is_linked(world: SdfWorld) -> bool:
+    """Return whether one model may be placed by, or joined to, another one."""
+    poses = [e.find("pose") for e in (*world.static, *world.moving)]
+    is_relative = any(p is not None and p.get("relative_to") for p in poses)
+    return is_relative or bool(world.frames)
+
+
+def _check_empty(world: SdfWorld) -> None:
+    """Raise InputError if Drake doesn't take the file whatever is in its world."""
+    try:
+        _try_to_parse(world, [])
+    except RuntimeError as error:
+        raise world.file.error(str(error), world.file.root) from None
+
+
+def _keep_what_drake_takes(
+    world: SdfWorld, elements: list[ET.Element]
+) -> tuple[MultibodyPlant, SceneGraph] | None:
+    """Leave out of some elements what Drake refuses; return a plant with the rest."""
+    if not elements:
+        return None
+    try:
+        return _try_to_parse(world, elements)
+    except RuntimeError as error:
+        problem = str(error)
+    refused = 0
+    for element in list(elements):
+        try:
+            _try_to_parse(world, [element])
+        except RuntimeError as error:
+            elements.remove(element)
+            refused += 1
+            what, where = f"Drake refuses it: {error}", name_of(element)
+            world.file.note("error", "invalid", what, "left out", element, where)
+    if not refused:
+        raise world.file.error(f"Drake refuses the world: {problem}", world.file.root)
+    return _keep_what_drake_takes(world, elements)
+
+
+def _try_to_parse(
+    world: SdfWorld, elements: Sequence[ET.Element]
+) -> tuple[MultibodyPlant, SceneGraph]:
+    """Return a plant of its own with some elements; RuntimeError if Drake refuses."""
+    plant, scene_graph = MultibodyPlant(time_step=1e-3), SceneGraph()
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    _parse(plant, world, elements)
+    plant.Finalize()
+    return plant, scene_graph
+
+
+def _parse(
+    plant: MultibodyPlant, world: SdfWorld, elements: Sequence[ET.Element]
+) -> None:
+    """Add elements to a plant, and what Drake says of them to the report."""
+    parser = Parser(plant)
+    parser.SetAutoRenaming(True)
+    text = world.text([*world.frames, *elements])
+    with tempfile.TemporaryDirectory(prefix="arm_drake_") as folder:
+        for name, included in world.included.items():
+            content = included.replace(FOLDER, folder)
+            (Path(folder) / name).write_text(content, encoding="utf-8")
+        try:
+            with drake_messages() as messages:
+                parser.AddModelsFromString(text.replace(FOLDER, folder), "sdf")
+        except (RuntimeError, ValueError, LookupError, SystemExit) as error:
+            # The reason is often what Drake warned about before.
+            problems = map(_without_place, [*messages, " ".join(str(error).split())])
+            raise RuntimeError("; ".join(dict.fromkeys(problems))) from None
+    for message in messages:
+        what = _without_place(message)
+        file = world.file.path
+        world.file.report.add("info", "ignored", what, "so says Drake", file=file)
+
+
+def _without_place(message: str) -> str:
+    """Return a message of Drake without its place, which is one in our text."""
+    return re.sub(r"^.*?\b(warning|error): ", "", message, count=1).rstrip(".")
+
+
+def _add_standing(
+    plant: MultibodyPlant, parsed: MultibodyPlant, scene_graph: SceneGraph
+) -> None:
+    """Add the shapes of a parsed plant's bodies to the world body of another one."""
+    instances: dict[str, ModelInstanceIndex] = {}
+    context, inspector = parsed.CreateDefaultContext(), scene_graph.model_inspector()
+    for index in range(1, parsed.num_bodies()):
+        body = parsed.get_body(BodyIndex(index))
+        X_WB = parsed.EvalBodyPoseInWorld(context, body)
+        model = parsed.GetModelInstanceName(body.model_instance())
+        if model not in instances:
+            instances[model] = plant.AddModelInstance(
+                free_name(model, plant.HasModelInstanceNamed)
+            )
+        name, instance = str(body.name()), instances[model]
+        plant.AddFrame(FixedOffsetFrame(name, plant.world_frame(), X_WB, instance))
+        frame_id = parsed.GetBodyFrameIdOrThrow(body.index())
+        for geometry in inspector.GetGeometries(frame_id):
+            X_WG = X_WB @ RigidTransform(inspector.GetPoseInFrame(geometry))
+            last = inspector.GetName(geometry).rpartition("::")[2]
+            label = f"{model}::{name}::{last}"
+            properties = inspector.GetProximityProperties(geometry)
+            if properties is not None:
+                shape, owner = inspector.GetShape(geometry), plant.world_body()
+                plant.RegisterCollisionGeometry(owner, X_WG, shape, label, properties)
+                continue
+            clone = inspector.CloneGeometryInstance(geometry)
+            clone.set_pose(X_WG)
+            clone.set_name(label)
+            if clone.perception_properties() is not None:
+                # It is that of the world body now, not that of the parsed one.
+                seen = clone.mutable_perception_properties()
+                seen.UpdateProperty("label", "id", RenderLabel(int(world_index())))
+            plant.RegisterVisualGeometry(plant.world_body(), clone)

@@ -1,21 +1,76 @@
-"""Things of a scene: boxes, cylinders and balls that are added to a world."""
+"""Worlds as loaded, and things that are added to them: boxes, cylinders and balls."""
 
 import dataclasses as dc
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pydrake.geometry import Box, Cylinder, Sphere
+from pydrake.geometry import Box, Cylinder, Meshcat, Sphere
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import CalcSpatialInertia, RigidBody
 from pydrake.systems.framework import Context
 
-from arm_drake.description.links import Pose
+from arm_drake.description.links import Pose, Vector
+from arm_drake.description.report import LoadReport
 from arm_drake.errors import InputError, suggest
 from arm_drake.importing import dataclass
 from arm_drake.plant.plant import transform_of
-from arm_drake.worlds.sdf_world import LoadedWorld
+
+if TYPE_CHECKING:
+    from arm_drake.worlds.lights import Light
+    from arm_drake.worlds.sdf_models import GroundLook
+
+
+def _add_nothing(plant: MultibodyPlant) -> None:
+    del plant
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedWorld:
+    """A world as loaded."""
+
+    # Its name, which topics of Gazebo contain.
+    name: str = "empty"
+
+    # Adds it to a plant that isn't finalized.
+    add_to: Callable[[MultibodyPlant], None] = _add_nothing
+
+    # Whether it may have things that move, and can be held.
+    has_things: bool = False
+
+    # Acceleration [m/s^2]; None is Earth's, 9.81 along -z.
+    gravity: Vector | None = None
+
+    # Whether the page shows its grid.
+    has_grid: bool = True
+
+    # How its ground looks, None where it draws none.
+    ground: "GroundLook | None" = None
+
+    # Colour of the page behind everything, red, green and blue from 0 to 1.
+    background: Vector | None = None
+
+    # Lights by which cameras see; None are those of a day.
+    lights: "tuple[Light, ...] | None" = None
+
+    # What was not taken as written.
+    report: LoadReport = dc.field(default_factory=LoadReport)
+
+
+def show_backdrop(
+    meshcat: Meshcat,
+    *,
+    has_grid: bool = True,
+    background: Vector | None = None,
+) -> None:
+    """Show a page as a world wants it; without a background it keeps Meshcat's."""
+    meshcat.SetProperty("/Grid", "visible", has_grid)
+    if background is not None:
+        for end in ("top_color", "bottom_color"):
+            meshcat.SetProperty("/Background", end, list(background))
+
 
 # Colours by name: red, green and blue from 0 to 1.
 COLORS: Mapping[str, tuple[float, float, float]] = {

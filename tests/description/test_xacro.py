@@ -12,7 +12,11 @@ from xacro import substitution_args
 from arm_drake.description import xacro as description_xacro
 from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
-from arm_drake.description.xacro import declared_arguments, expand_xacro
+from arm_drake.description.xacro import (
+    declared_arguments,
+    expand_ahead,
+    expand_xacro,
+)
 from arm_drake.errors import DescriptionError, PackageError
 from tests.description.patience import within
 
@@ -94,6 +98,30 @@ def test_an_argument_given_once_doesnt_leak_into_the_next_expansion(expand):
     expand(body, side="right")
 
     assert '<link name="left"/>' in expand(body)
+
+
+@pytest.mark.parametrize("ahead", ["the same", "other arguments", "another file"])
+def test_an_expansion_that_began_ahead_ends_as_any_other(tmp_path, monkeypatch, ahead):
+    path = tmp_path / "arm.xacro"
+    path.write_text(robot('<xacro:arg name="a" default=""/><link name="$(arg a)"/>'))
+    other = tmp_path / "other.xacro"
+    other.write_text(robot('<link name="another"/>'))
+    begun = []
+    start = description_xacro._Expansion.__init__
+
+    def note(expansion, path, args):
+        begun.append((path, args))
+        start(expansion, path, args)
+
+    monkeypatch.setattr(description_xacro._Expansion, "__init__", note)
+    args = {"a": "arm"} if ahead != "other arguments" else {"a": "leg"}
+    expand_ahead(path if ahead != "another file" else other, args)
+
+    text = expand_xacro(path, {"a": "arm"}, PackageFinder(path))
+
+    assert '<link name="arm"/>' in text
+    assert len(begun) == (1 if ahead == "the same" else 2)
+    assert '<link name="arm"/>' in expand_xacro(path, {"a": "arm"}, PackageFinder(path))
 
 
 def test_an_argument_doesnt_leak_after_an_error(expand):

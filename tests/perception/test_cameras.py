@@ -11,7 +11,7 @@ import subprocess
 import sys
 import weakref
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import PIL.Image
@@ -20,10 +20,10 @@ import trimesh
 from pydrake.systems.framework import CacheIndex
 
 import arm_drake as ad
-from arm_drake.description.perception_sensors import CameraSensor
+from arm_drake.description.perception_sensors import CameraKind, CameraSensor
 from arm_drake.errors import InputError
 from arm_drake.perception import scenery as scenery_module
-from arm_drake.perception.cameras import Camera
+from arm_drake.perception.cameras import Camera, topics_of
 from arm_drake.perception.images import color_labels, to_array, to_points
 from arm_drake.perception.scenery import Scenery
 from tests.robots import skip_or_fail
@@ -440,6 +440,18 @@ def test_a_size_may_be_a_number_of_numpy() -> None:
     assert isinstance(sensor, CameraSensor)
     assert (type(sensor.width), type(sensor.height)) == (int, int)
     assert ad.Simulation(ad.build_diagram(robot)).camera("c").color().shape[1] == 32
+
+
+@pytest.mark.parametrize("kind", get_args(CameraKind))
+def test_the_topics_of_an_added_camera_begin_with_its_name(kind: CameraKind) -> None:
+    robot = ad.add_camera(load(), "eye", name="left", kind=kind)
+    camera = robot.description.perception_sensors[-1]
+    assert isinstance(camera, CameraSensor)
+
+    topics = topics_of(camera, "r", "default")
+
+    assert topics["camera_info"] == "/left/camera_info"
+    assert all(topic.startswith("/left/") for topic in topics.values())
 
 
 def test_a_camera_needs_a_link() -> None:

@@ -19,6 +19,7 @@ import arm_drake as ad
 from arm_drake.description.entry import bundled_motions, bundled_robots
 from arm_drake.rollout.bag import CONTACTS, contact_topic
 from arm_drake.rollout.link_poses import multiply, read_transforms, rotate
+from arm_drake.rollout.mcap import type_of
 from tests import models
 from tests.carts import cart, diff_drive
 from tests.carts import load as load_cart
@@ -349,6 +350,21 @@ def test_what_a_bag_cannot_tell_as_a_message_it_tells_as_text(tmp_path: Path) ->
     reported = json.loads(text.data)
     assert reported["type"] == "SwitchController"
     assert reported["data"]["deactivate_controllers"] == ["joint_trajectory_controller"]
+
+
+@pytest.mark.parametrize(
+    ("message", "type_"),
+    [
+        ("Twist", "geometry_msgs/msg/Twist"),
+        # No store of rosbags has it.
+        ("AckermannDrive", "ackermann_msgs/msg/AckermannDrive"),
+        # A part of an action, whose topics are hidden in ROS.
+        ("GripperCommandGoal", None),
+        ("SwitchController", None),
+    ],
+)
+def test_a_bag_has_topics_for_messages_of_ros(message: str, type_: str | None) -> None:
+    assert type_of(message) == type_
 
 
 @pytest.mark.slow

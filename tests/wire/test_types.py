@@ -12,8 +12,9 @@ from rosbags.typesys import Stores, get_typestore
 
 from arm_drake import messages
 from arm_drake.errors import InputError
+from arm_drake.messages.base import ros_type
 from arm_drake.wire.encodings import to_json
-from arm_drake.wire.types import load_wire_types, type_of
+from arm_drake.wire.types import load_wire_types
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 NAMES = ((), ("a",), ("joint1", "x"), ("äö", "a_long_name_of_a_joint", "b"))
@@ -117,7 +118,7 @@ def test_every_message_of_a_topic_has_its_name_in_ros() -> None:
     unnamed = {
         kind.__name__
         for kind in kinds
-        if isinstance(kind, type) and dc.is_dataclass(kind) and not type_of(kind)
+        if isinstance(kind, type) and dc.is_dataclass(kind) and not ros_type(kind)
     }
 
     # Requests, answers and events, and parts of messages that we keep as fields.

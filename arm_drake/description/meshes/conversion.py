@@ -7,24 +7,18 @@ mesh.
 import atexit
 import dataclasses as dc
 import functools
-import hashlib
-import importlib.util
 import io
 import itertools
 import json
 import os
 import re
-import shutil
 import subprocess
 import sys
-import tempfile
-import uuid
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import platformdirs
 
 from arm_drake.description.meshes.reading import read_bytes, read_surfaces, references
 from arm_drake.description.meshes.surfaces import (
@@ -40,6 +34,12 @@ from arm_drake.description.meshes.surfaces import (
 from arm_drake.description.report import Kind, LoadReport, ReportEntry, Severity
 from arm_drake.errors import MissingExtraError, OutputError, suggest_file
 from arm_drake.importing import dataclass
+
+try:
+    # `hashlib` has it, too, and brings OpenSSL: 4 MB, and 27 million instructions.
+    from _blake2 import blake2b
+except ImportError:
+    from hashlib import blake2b
 
 # Names that this module writes or wrote, including what an interrupted write leaves.
 _OURS = re.compile(r"[0-9a-f]{64}(_\d+)?\.(gltf|obj|json)(\.json)?(\.\w+\.tmp)?")
@@ -61,8 +61,19 @@ class ConvertedMesh:
 
 def cache_directory() -> Path:
     """Return the folder of converted meshes; ``ARM_DRAKE_CACHE`` moves it."""
-    root = os.environ.get("ARM_DRAKE_CACHE") or platformdirs.user_cache_dir("arm_drake")
+    root = os.environ.get("ARM_DRAKE_CACHE") or _user_cache()
     return Path(os.path.expanduser(root)).absolute() / "meshes"
+
+
+def _user_cache() -> str:
+    """Return where the system keeps what this program caches."""
+    if sys.platform == "linux":
+        # The rule of XDG, as platformdirs has it, which brings some twenty modules.
+        folder = os.environ.get("XDG_CACHE_HOME", "").strip() or "~/.cache"
+        return f"{folder}/arm_drake"
+    import platformdirs
+
+    return platformdirs.user_cache_dir("arm_drake")
 
 
 def clear_cache(cache_dir: Path | None = None) -> int:
@@ -74,15 +85,20 @@ def clear_cache(cache_dir: Path | None = None) -> int:
     return len(cached)
 
 
+def _checksum(data: bytes) -> str:
+    """Return 64 hexadecimal digits that stand for a content."""
+    return blake2b(data, digest_size=32).hexdigest()
+
+
 def find(folder: Path, key: str, suffix: str) -> ConvertedMesh | None:
     """Return what `keep` wrote, or None if it is missing or damaged."""
     for place in (folder, None):
         try:
             base = place or _substitute(folder)
             record = json.loads((base / f"{key}.json").read_bytes())
-            paths = _paths(base, key, suffix, len(record["sha256"]))
-            sums = [hashlib.sha256(path.read_bytes()).hexdigest() for path in paths]
-            if sums and sums == record["sha256"]:
+            paths = _paths(base, key, suffix, len(record["checksums"]))
+            sums = [_checksum(path.read_bytes()) for path in paths]
+            if sums and sums == record["checksums"]:
                 notes = tuple(ReportEntry(**note) for note in record["notes"])
                 return ConvertedMesh(paths, notes, float(record.get("size", 0.0)))
         except (OSError, ValueError, KeyError, TypeError, RecursionError):
@@ -105,7 +121,7 @@ def keep(
     A cache that can't be written is replaced by a temporary folder, with a report line.
     """
     record = {
-        "sha256": [hashlib.sha256(content).hexdigest() for content in contents],
+        "checksums": [_checksum(content) for content in contents],
         "notes": [dc.asdict(note) for note in notes],
         "size": size,
     }
@@ -143,6 +159,8 @@ def _write(
 
 
 def _write_whole(path: Path, content: bytes) -> None:
+    import tempfile
+
     handle, unfinished = tempfile.mkstemp(".tmp", f"{path.name}.", path.parent)
     try:
         with os.fdopen(handle, "wb") as file:
@@ -155,12 +173,16 @@ def _write_whole(path: Path, content: bytes) -> None:
 
 def _substitute(folder: Path) -> Path:
     """Return where this process keeps what it can't write to a cache."""
-    return _temporary_directory() / hashlib.sha256(bytes(folder)).hexdigest()
+    return _temporary_directory() / _checksum(bytes(folder))
 
 
 @functools.cache
 def _temporary_directory() -> Path:
-    path = Path(tempfile.gettempdir(), f"arm_drake_meshes_{uuid.uuid4().hex}")
+    import shutil
+    import tempfile
+    from uuid import uuid4
+
+    path = Path(tempfile.gettempdir(), f"arm_drake_meshes_{uuid4().hex}")
     atexit.register(shutil.rmtree, path, ignore_errors=True)
     return path
 
@@ -202,6 +224,8 @@ np.savez(result, *(points for points, _ in parts))
 
 def require_decomposition() -> str:
     """Return the version of the library that decomposes."""
+    import importlib.util
+
     if importlib.util.find_spec("coacd") is None:
         raise MissingExtraError("convex decomposition of meshes", "decompose")
     from importlib.metadata import version  # It brings e-mail and more.
@@ -502,10 +526,10 @@ class _Conversion:
         if not content:
             return self._lose("invalid", "is empty")
         files = references(self.source, content)
-        sums = [hashlib.sha256(content).hexdigest(), *self._checksums(files)]
+        sums = [_checksum(content), *self._checksums(files)]
         scale = tuple(map(float, self.scale))
         key = (CONVERTER_VERSION, self.mode, suffix, scale, settings, [*files], sums)
-        digest = hashlib.sha256(repr(key).encode()).hexdigest()
+        digest = _checksum(repr(key).encode())
         folder = (cache_directory() if cache_dir is None else cache_dir).absolute()
         kind = ".gltf" if self.mode == "visual" else ".obj"
         converted = find(folder, digest, kind)
@@ -543,7 +567,7 @@ class _Conversion:
             problem = "doesn't exist"
             try:
                 if path is not None:
-                    sums.append(hashlib.sha256(read_bytes(path)).hexdigest())
+                    sums.append(_checksum(read_bytes(path)))
                     continue
             except OSError as error:
                 problem = f"can't be read ({error.strerror})"

@@ -16,7 +16,6 @@ import math
 import re
 import warnings
 import xml.etree.ElementTree as ET
-import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path, PureWindowsPath
 from typing import Any
@@ -54,6 +53,8 @@ def read_collada(
 ) -> Iterator[tuple[Surface, Array]]:
     """Yield surfaces with the (4, 4) matrix that puts them into the robot's link."""
     # Not at the top: the import takes longer than all hits of the cache together.
+    import zipfile
+
     import collada
 
     _check_prolog(content)

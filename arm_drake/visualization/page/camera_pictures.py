@@ -16,8 +16,6 @@ from arm_drake.perception.images import color_depths, depth_range
 from arm_drake.visualization.page.parts import Live, Part
 from arm_drake.visualization.page.widgets import Choice, Picture, Section, Toggle
 
-KINDS = ("color", "depth", "labels")
-
 _NOTHING = "nothing"
 
 # The shortest time between two pictures, and the part of the time they may take at
@@ -54,11 +52,7 @@ class CameraPictures(Part):
     @property
     def options(self) -> tuple[str, ...]:
         """Options to show: "<camera> color", and "depth" and "labels"."""
-        found = []
-        for name in self._names:
-            camera = self._camera(name)
-            kinds = [kind for kind in KINDS if camera.has(kind)]
-            found += [f"{name} {kind}" for kind in kinds]
+        found = [f"{n} {kind}" for n in self._names for kind in self._camera(n).kinds]
         return (_NOTHING, *found)
 
     def show(self, what: str) -> None:

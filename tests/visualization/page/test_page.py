@@ -15,7 +15,7 @@ from arm_drake.visualization.page import (
     Slider,
     WidgetEvent,
 )
-from arm_drake.worlds.sdf_world import show_backdrop
+from arm_drake.worlds.things import show_backdrop
 from tests.visualization.page.clients import Panel
 from tests.waiting import PATIENCE, wait_until
 
