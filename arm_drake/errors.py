@@ -24,7 +24,7 @@ class Located(Protocol):
 
     @property
     def line(self) -> int:
-        """Line in the file, counted from 1."""
+        """Line in the file, counted from 1; 0 where it isn't known."""
 
 
 class ArmDrakeError(Exception):
@@ -53,7 +53,7 @@ class InputError(ArmDrakeError, ValueError):
             at: What is wrong, in place of file and line.
         """
         if at is not None:
-            file, line = at.file, at.line
+            file, line = at.file, at.line or None
         self.problem = problem
         self.file = None if file is None else str(file)
         self.line = line

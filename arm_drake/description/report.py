@@ -118,7 +118,7 @@ class LoadReport:
             at: What is the matter with, in place of file and line.
         """
         if at is not None:
-            file, line = at.file, at.line
+            file, line = at.file, at.line or None
         name = None if file is None else str(file)
         entry = ReportEntry(severity, kind, what, done, where, name, line)
         if entry not in self._seen:

@@ -693,9 +693,9 @@ class LaunchRun:
         if self._depth > _MAX_DEPTH:
             raise LaunchError("files or actions contain each other")
         try:
-            found = entity.visit(self.context)
-            if found is not None:
-                self.visit(list(found))
+            # They may add actions to their own description.
+            for each in entity.visit(self.context) or ():
+                self.visit(each)
         except Exception as error:
             if isinstance(error, LaunchError):
                 error.at(getattr(entity, "line", None))

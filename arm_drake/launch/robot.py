@@ -359,8 +359,10 @@ def _name_sources(robot: Robot, rewritten: Mapping[str, tuple[str, bool]]) -> Ro
         return dc.replace(entry, file=file, line=entry.line if has_its_lines else None)
 
     def name(place: Any) -> Any:
-        file, has_its_lines = rewritten.get(str(place.file), ("", False))
-        return dc.replace(place, file=Path(file)) if has_its_lines else place
+        if str(place.file) not in rewritten:
+            return place
+        file, has_its_lines = rewritten[str(place.file)]
+        return dc.replace(place, file=Path(file), line=place.line * has_its_lines)
 
     controllers = tuple(
         dc.replace(

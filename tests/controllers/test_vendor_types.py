@@ -166,6 +166,11 @@ def test_the_gripper_that_upstreams_warning_names_is_the_parallel_one(
             f"do; the closest type is {JTC}",
         ),
         (
+            "cartesian_trajectory_controller/CartesianTrajectoryController",
+            "is not simulated: it makes trajectories of Cartesian poses; the closest "
+            f"type is {JTC}",
+        ),
+        (
             "epick_controllers/EpickGripperActionController",
             "is not simulated: it switches suction, of which the physics knows nothing",
         ),

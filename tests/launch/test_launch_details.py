@@ -1411,3 +1411,25 @@ def test_a_module_that_its_package_lacks_is_reported(package: Path) -> None:
 
     with pytest.raises(InputError, match=r"'pendulum_bringup.*', which isn't in its"):
         ad.load_launch(path)
+
+
+@pytest.mark.slow
+def test_a_function_may_add_actions_to_the_description_that_it_is_in(
+    package: Path,
+) -> None:
+    text = """
+        from launch import LaunchDescription
+        from launch.actions import LogInfo, OpaqueFunction
+
+        def add(context, description):
+            description.add_action(LogInfo(msg="added"))
+
+        def generate_launch_description():
+            description = LaunchDescription([])
+            description.add_action(OpaqueFunction(function=add, args=[description]))
+            return description
+        """
+
+    plan = ad.load_launch(write_launch(package, text))
+
+    assert [entry.what for entry in plan.report] == ["added"]

@@ -155,6 +155,31 @@ def test_hardware_that_is_activated_later_lets_its_controllers_run(
 
 
 @pytest.mark.slow
+def test_what_is_told_of_a_rewritten_file_names_the_users_own_once(
+    package: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = package / "config" / "controllers.yaml"
+    text = CONTROLLERS.replace("interface_name: position", "interface_name: effort")
+    states = (
+        "update_rate: 9\n    hardware_components_initial_state.inactive: [pendulum]"
+    )
+    file.write_text(text.replace("update_rate: 100", states), encoding="utf-8")
+    path = describe(
+        package,
+        """
+        publisher(), manager(), spawner("forward"),
+        Node(package="controller_manager", executable="hardware_spawner",
+             arguments=["pendulum", "--activate"]),
+        """,
+    )
+
+    main(["launch", str(path), "--headless", "--duration", "0.1"])
+
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"error: {file}: forward: ")
+
+
+@pytest.mark.slow
 def test_hardware_of_a_manager_that_is_not_started_is_reported(package: Path) -> None:
     path = describe(
         package,

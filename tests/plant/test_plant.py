@@ -567,3 +567,74 @@ def test_a_loose_link_that_dips_into_the_ground_stays_on_it(tmp_path: Path) -> N
 
     height = simulation.link_poses()["a"].translation()[2]
     assert height == pytest.approx(0.1, abs=3e-3)
+
+
+def sprung(tmp_path: Path, joint: str, stiffness: float, reference: float) -> ad.Robot:
+    """Return a robot with a joint "sprung" on a spring, beside a commanded one."""
+    return models.load(
+        tmp_path,
+        f"""<robot name="sprung"><link name="base"/>{models.bob("bob")}
+        {models.joint("swing", "base", "bob")}{models.ros2_control("swing")}{joint}
+        <gazebo reference="sprung"><implicitSpringDamper>1</implicitSpringDamper>
+          <springStiffness>{stiffness}</springStiffness>
+          <springReference>{reference}</springReference></gazebo></robot>""",
+    )
+
+
+SLIDE = models.bob("load", "0 0 0") + models.joint(
+    "sprung", "base", "load", type="prismatic", axis="0 0 1"
+)
+TURN = models.bob("load", f"{models.LENGTH} 0 0") + models.joint(
+    "sprung", "base", "load", axis="0 0 1"
+)
+
+
+@pytest.mark.parametrize(
+    ("joint", "inertia", "reference", "rest"),
+    [
+        # A weight sags by m g / k, to twice of which it swings if it is let go.
+        (SLIDE, models.MASS, 0.1, 0.1 - models.MASS * models.GRAVITY / 200.0),
+        (TURN, models.INERTIA, 0.5, 0.5),
+    ],
+)
+def test_a_joint_swings_about_where_its_spring_rests(
+    tmp_path: Path, joint: str, inertia: float, reference: float, rest: float
+) -> None:
+    robot = sprung(tmp_path, joint, 200.0, reference)
+    half = math.pi * math.sqrt(inertia / 200.0)
+    sim = ad.Simulation(
+        ad.build_diagram(
+            robot, world="void", options=ad.SimulationOptions(time_step=1e-3)
+        )
+    )
+
+    sim.run(2.0 * half)
+
+    rollout = sim.rollout()
+    q = rollout.position[:, rollout.joint_names.index("sprung")]
+    farthest = int(np.argmax(np.abs(q)))
+    # Steps of 1 ms take a swing of w rad/s by (w h)^2 / 24 too fast, at most 1e-5.
+    assert q[farthest] == pytest.approx(2.0 * rest, rel=2e-3)
+    assert rollout.time[farthest] == pytest.approx(half, abs=3e-3)
+    assert q[-1] == pytest.approx(0.0, abs=5e-3 * abs(rest))
+
+
+@pytest.mark.parametrize("joint", [SLIDE, TURN])
+@pytest.mark.parametrize("step", [1e-3, 1e-2])
+def test_a_spring_too_stiff_for_a_step_stays_at_its_rest(
+    tmp_path: Path, joint: str, step: float
+) -> None:
+    robot = sprung(tmp_path, joint, 1e7, 0.2)
+    sim = ad.Simulation(
+        ad.build_diagram(
+            models.at_rate_of(robot, step),
+            world="void",
+            options=ad.SimulationOptions(time_step=step),
+        )
+    )
+
+    sim.run(0.5)
+
+    rollout = sim.rollout()
+    q = rollout.position[-1, rollout.joint_names.index("sprung")]
+    assert q == pytest.approx(0.2, abs=2.0 * models.MASS * models.GRAVITY / 1e7)
