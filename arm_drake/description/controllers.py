@@ -217,8 +217,10 @@ def set_hardware_states(data: Any, states: Mapping[str, str]) -> Any:
             active = [name for name, state in states.items() if state == "active"]
             found[key] = list(dict.fromkeys([*value, *active]))
         elif own := _INITIAL_STATES.get(last):
-            found[key] = [name for name in value if states.get(name, own) == own]
-            if moved := [n for n in value if states.get(n) == "inactive" != own]:
+            moved = [n for n in value if states.get(n) == "inactive" != own]
+            gone = [*moved, *(n for n in value if states.get(n) == "active")]
+            found[key] = [name for name in value if name not in gone]
+            if moved:
                 configured[f"{stem}{dot}inactive"] = moved
     for key, names in configured.items():
         others = found.get(key) or []

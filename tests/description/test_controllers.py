@@ -1277,6 +1277,8 @@ def test_a_manager_may_have_another_name(tmp_path):
         ("activate_components_on_start: []", "activate_components_on_start: []"),
         ("configure_components_on_start: [b, c]", "configure_components_on_start: [b]"),
         ("update_rate: 10", "update_rate: 10"),
+        # One that doesn't become active doesn't begin so.
+        ("s: {inactive: [d]}", "s: {inactive: [d]}"),
         (
             "{s.unconfigured: [b], s.inactive: null}",
             "{s.unconfigured: [], s.inactive: [b]}",
@@ -1293,7 +1295,7 @@ def test_a_manager_may_have_another_name(tmp_path):
 def test_hardware_is_put_into_another_initial_state(text, expected):
     found = set_hardware_states(
         {"m": {"ros__parameters": yaml_files.parse(text)}},
-        {"b": "inactive", "c": "active"},
+        {"b": "inactive", "c": "active", "d": "unconfigured"},
     )
 
     assert found == {"m": {"ros__parameters": yaml_files.parse(expected)}}
