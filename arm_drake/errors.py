@@ -48,15 +48,15 @@ class InputError(ArmDrakeError, ValueError):
         Args:
             problem: What is wrong and what would be right, without a period.
             file: File that holds the input.
-            line: Line in the file, counted from 1.
+            line: Line in the file, counted from 1; 0 where it isn't known.
             where: Place in the file, such as a dotted path or a joint's name.
             at: What is wrong, in place of file and line.
         """
         if at is not None:
-            file, line = at.file, at.line or None
+            file, line = at.file, at.line
         self.problem = problem
         self.file = None if file is None else str(file)
-        self.line = line
+        self.line = line or None
         self.where = where
         super().__init__(": ".join(self._parts()))
 

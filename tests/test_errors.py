@@ -25,6 +25,8 @@ from arm_drake.errors import (
         ({"where": "arm.joints"}, "arm.joints: it is wrong"),
         ({"file": "a.yaml", "line": 3, "where": "arm"}, "a.yaml:3: arm: it is wrong"),
         ({"line": 3}, "it is wrong"),
+        # As of what was rewritten, whose lines aren't the user's.
+        ({"file": "a.yaml", "line": 0}, "a.yaml: it is wrong"),
     ],
 )
 def test_a_message_starts_with_the_known_place(place, message):

@@ -114,13 +114,13 @@ class LoadReport:
             done: What was done about it.
             where: Place in the file.
             file: File that it is in.
-            line: Line in the file, counted from 1.
+            line: Line in the file, counted from 1; 0 where it isn't known.
             at: What is the matter with, in place of file and line.
         """
         if at is not None:
-            file, line = at.file, at.line or None
+            file, line = at.file, at.line
         name = None if file is None else str(file)
-        entry = ReportEntry(severity, kind, what, done, where, name, line)
+        entry = ReportEntry(severity, kind, what, done, where, name, line or None)
         if entry not in self._seen:
             self._seen.add(entry)
             self._entries.append(entry)

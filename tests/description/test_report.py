@@ -25,6 +25,7 @@ def test_the_same_thing_is_reported_once():
     report = make_report()
 
     report.add("info", "ignored", "a tag", "no effect")
+    report.add("info", "ignored", "a tag", "no effect", line=0)
 
     assert len(report) == 2
 
