@@ -152,15 +152,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     atexit.register(_end_soon)
     try:
         check_process()
-        _expand_ahead(options)
-        # Numbers beyond all bounds are a user's: what comes of them is said by us.
-        with unbroken():  # numpy would make an ImportError of Ctrl-C.
-            import numpy as np
-
-        with terminating(), np.errstate(all="ignore"):
-            code = _COMMANDS[options.command].run(options)
-            sys.stdout.flush()
-            return code
+        with _expanding_ahead(options):
+            return _run(options)
     except ArmDrakeError as error:
         print(f"arm-drake: {error}", file=sys.stderr)
         return _USAGE_ERROR
@@ -178,18 +171,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
 
 
-def _expand_ahead(options: argparse.Namespace) -> None:
+def _run(options: argparse.Namespace) -> int:
+    with unbroken():  # numpy would make an ImportError of Ctrl-C.
+        import numpy as np
+
+    # Numbers beyond all bounds are a user's: what comes of them is said by us.
+    with terminating(), np.errstate(all="ignore"):
+        code = _COMMANDS[options.command].run(options)
+        sys.stdout.flush()
+        return code
+
+
+def _expanding_ahead(
+    options: argparse.Namespace,
+) -> contextlib.AbstractContextManager[None]:
     """Let xacro begin while this process imports what a command needs."""
     source = getattr(options, "robot", None)
     if source is None or is_scene(source) or not hasattr(options, "controllers"):
-        return
+        return contextlib.nullcontext()
     from arm_drake.description.entry import find_entry
-    from arm_drake.description.xacro import expand_ahead
+    from arm_drake.description.xacro import expanding_ahead
 
     # What is wrong is told where the robot is loaded, and a folder is searched there.
     with contextlib.suppress(ArmDrakeError):
         if not os.path.isdir(source):
-            expand_ahead(find_entry(source)[0], dict(options.xacro_args))
+            return expanding_ahead(find_entry(source)[0], dict(options.xacro_args))
+    return contextlib.nullcontext()
 
 
 def load_robot_of(

@@ -211,18 +211,26 @@ def set_hardware_states(data: Any, states: Mapping[str, str]) -> Any:
     configured: dict[str, list[str]] = {}
     for key, value in data.items():
         stem, dot, last = str(key).rpartition(".")
-        if not isinstance(value, list) or not value:
-            continue
+        if not _is_list_of_names(value) or not value:
+            continue  # What is wrong with it is told where it is loaded.
         if last == "activate_components_on_start":
             active = [name for name, state in states.items() if state == "active"]
             found[key] = list(dict.fromkeys([*value, *active]))
         elif own := _INITIAL_STATES.get(last):
-            found[key] = [name for name in value if states.get(name, own) == own]
-            if moved := [n for n in value if states.get(n) == "inactive" != own]:
+            moved = [n for n in value if states.get(n) == "inactive" != own]
+            gone = [*moved, *(n for n in value if states.get(n) == "active")]
+            found[key] = [name for name in value if name not in gone]
+            if moved:
                 configured[f"{stem}{dot}inactive"] = moved
     for key, names in configured.items():
-        found[key] = [*found.get(key, ()), *names]
+        others = found.get(key) or []
+        if _is_list_of_names(others):
+            found[key] = list(dict.fromkeys([*others, *names]))
     return found
+
+
+def _is_list_of_names(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(name, str) for name in value)
 
 
 def report_foreign(

@@ -8,7 +8,6 @@ xacro stops at the first thing that is missing. To list everything in one messag
 files that can be reached are read without expanding them, too.
 """
 
-import atexit
 import contextlib
 import dataclasses as dc
 import errno
@@ -19,7 +18,7 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -212,6 +211,7 @@ def expand_xacro(
     text = _read(path)
     said = _COMMENT.sub("", text)
     if "xacro" not in said and "$(" not in said:
+        _cancel_ahead()
         text = declare_prefixes(text)
         _check_unused(args, path, packages, report)
         places.text = text
@@ -282,7 +282,7 @@ class _Expansion:
                         failed = error
                     self._send(folder)
             finally:
-                process.kill()
+                self._end()
         is_late = process.returncode == -signal.SIGXCPU
         limit = f"takes more than {CPU_TIME} s of processor time"
         problem = limit if is_late else f"ended with code {process.returncode}"
@@ -297,27 +297,37 @@ class _Expansion:
 
     def cancel(self) -> None:
         """End it, for nobody wants its answer."""
-        with self._process as process:
-            process.kill()
+        with self._process:
+            self._end()
+
+    def _end(self) -> None:
+        self._process.kill()
+        assert self._process.stdin is not None
+        with contextlib.suppress(BrokenPipeError):  # Of what it didn't read any more.
+            self._process.stdin.close()
 
 
 # The one that was started ahead, if any.
 _ahead: list[_Expansion] = []
 
 
-def expand_ahead(path: Path, args: Mapping[str, str]) -> None:
+@contextlib.contextmanager
+def expanding_ahead(path: Path, args: Mapping[str, str]) -> Iterator[None]:
     """Start an expansion that `expand_xacro` will finish, called with the same.
 
-    It has a process of its own. What is imported meanwhile takes as long.
+    It has a process of its own. What is imported meanwhile takes as long. At the end
+    of the block it is ended if nobody asked for it.
     """
-    _cancel_ahead()
     if path.suffix == ".xacro":
         _ahead.append(_Expansion(path, args))
-        atexit.register(_cancel_ahead)
+    try:
+        yield
+    finally:
+        _cancel_ahead()
 
 
 def _cancel_ahead() -> None:
-    atexit.unregister(_cancel_ahead)
+    """End what was started ahead, if it is still there."""
     while _ahead:
         _ahead.pop().cancel()
 

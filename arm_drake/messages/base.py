@@ -171,14 +171,14 @@ _INT64 = 2**63
 class Message:
     """A message: immutable, so that a copy is the message itself."""
 
-    # Its type in ROS, empty if it has none there.
+    # Its type in ROS, empty if it has none there; a class that derives from it, maybe
+    # with more fields, has its own or none.
     _ros_type: ClassVar[str] = ""
 
     def __init_subclass__(cls, ros: str = "") -> None:
         """Take its package in ROS, or its type if that is called otherwise."""
         super().__init_subclass__()
-        if ros:
-            cls._ros_type = ros if "/" in ros else f"{ros}/msg/{cls.__name__}"
+        cls._ros_type = ros if "/" in ros or not ros else f"{ros}/msg/{cls.__name__}"
 
     def __copy__(self) -> Self:
         return self

@@ -1277,12 +1277,25 @@ def test_a_manager_may_have_another_name(tmp_path):
         ("activate_components_on_start: []", "activate_components_on_start: []"),
         ("configure_components_on_start: [b, c]", "configure_components_on_start: [b]"),
         ("update_rate: 10", "update_rate: 10"),
+        # One that doesn't become active doesn't begin so.
+        ("s: {inactive: [d]}", "s: {inactive: [d]}"),
+        (
+            "{s.unconfigured: [b], s.inactive: null}",
+            "{s.unconfigured: [], s.inactive: [b]}",
+        ),
+        (
+            "s: {unconfigured: [b], inactive: [b]}",
+            "s: {unconfigured: [], inactive: [b]}",
+        ),
+        # What is wrong stays, and is told where it is loaded.
+        ("s: {unconfigured: [b], inactive: b}", "s: {unconfigured: [], inactive: b}"),
+        ("s: {inactive: [{c: 1}]}", "s: {inactive: [{c: 1}]}"),
     ],
 )
 def test_hardware_is_put_into_another_initial_state(text, expected):
     found = set_hardware_states(
         {"m": {"ros__parameters": yaml_files.parse(text)}},
-        {"b": "inactive", "c": "active"},
+        {"b": "inactive", "c": "active", "d": "unconfigured"},
     )
 
     assert found == {"m": {"ros__parameters": yaml_files.parse(expected)}}

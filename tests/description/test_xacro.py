@@ -5,6 +5,7 @@ import os
 import time
 from pathlib import Path
 
+import psutil
 import pytest
 import xacro
 from xacro import substitution_args
@@ -14,11 +15,12 @@ from arm_drake.description.packages import PackageFinder
 from arm_drake.description.report import LoadReport
 from arm_drake.description.xacro import (
     declared_arguments,
-    expand_ahead,
     expand_xacro,
+    expanding_ahead,
 )
 from arm_drake.errors import DescriptionError, PackageError
 from tests.description.patience import within
+from tests.waiting import wait_until
 
 NAMESPACE = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
 
@@ -115,13 +117,31 @@ def test_an_expansion_that_began_ahead_ends_as_any_other(tmp_path, monkeypatch, 
 
     monkeypatch.setattr(description_xacro._Expansion, "__init__", note)
     args = {"a": "arm"} if ahead != "other arguments" else {"a": "leg"}
-    expand_ahead(path if ahead != "another file" else other, args)
-
-    text = expand_xacro(path, {"a": "arm"}, PackageFinder(path))
+    with expanding_ahead(path if ahead != "another file" else other, args):
+        text = expand_xacro(path, {"a": "arm"}, PackageFinder(path))
 
     assert '<link name="arm"/>' in text
     assert len(begun) == (1 if ahead == "the same" else 2)
     assert '<link name="arm"/>' in expand_xacro(path, {"a": "arm"}, PackageFinder(path))
+
+
+@pytest.mark.parametrize("end", ["unused", "plain", "died"])
+def test_no_process_stays_of_an_expansion_that_began_ahead(tmp_path, end):
+    path = tmp_path / "arm.xacro"
+    path.write_text('<robot name="r"/>' if end == "plain" else robot(""))
+    before = set(psutil.Process().children())
+
+    with expanding_ahead(path, {}):
+        (child,) = set(psutil.Process().children()) - before
+        if end == "plain":
+            expand_xacro(path, {}, PackageFinder(path))
+            assert not child.is_running()
+        elif end == "died":
+            child.kill()
+            wait_until(lambda: child.status() == psutil.STATUS_ZOMBIE)
+            description_xacro._ahead[0]._send(None)
+
+    assert not child.is_running()
 
 
 def test_an_argument_doesnt_leak_after_an_error(expand):

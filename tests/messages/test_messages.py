@@ -11,6 +11,7 @@ import pytest
 from arm_drake.messages import (
     CancelGoal,
     Duration,
+    Float64,
     Float64MultiArray,
     FollowJointTrajectoryErrorCode,
     FollowJointTrajectoryGoal,
@@ -27,7 +28,7 @@ from arm_drake.messages import (
     SwitchController,
     Time,
 )
-from arm_drake.messages.base import Message, make_lazy, renew
+from arm_drake.messages.base import Message, make_lazy, renew, ros_type
 
 TIME = "expected seconds or {sec: int, nanosec: int}"
 
@@ -490,3 +491,16 @@ def test_a_switch_refuses_what_no_service_would_get(arguments, message):
         SwitchController(**arguments)
 
     assert str(caught.value) == message
+
+
+def test_a_message_that_derives_from_another_has_a_type_of_its_own() -> None:
+    @dc.dataclass(frozen=True)
+    class Labelled(JointState):
+        label: str = ""
+
+    class Level(Float64, ros="std_msgs/msg/UInt8"):
+        pass
+
+    assert ros_type(JointState) == "sensor_msgs/msg/JointState"
+    assert ros_type(Labelled) is None
+    assert ros_type(Level) == "std_msgs/msg/UInt8"
