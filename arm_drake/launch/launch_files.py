@@ -196,6 +196,12 @@ def _read(
     for text in dict.fromkeys(answer["refused"]):
         done = "which a launch file here may not do"
         report.add("warning", "ignored", f"it {text}", done, file=path)
+    for name, place in answer["kept"].items():
+        if os.path.isfile(place):
+            answer["rewritten"][place] = (name, True)
+            what = f"it writes {name}"
+            done = "it is kept for this launch alone, and used by what it starts"
+            report.add("info", "repair", what, done, file=path)
     roles = Roles(answer, finder, report, folder)
     return LaunchPlan(
         file=path,

@@ -6,7 +6,8 @@ which is on PyPI (`launch`, `launch_ros`, `ament_index_python`, `xacro`,
 `moveit_configs_utils`, `nav2_common.launch`, `controller_manager.launch_utils`), and
 what packages bring themselves, in their source folders. It may take only so much memory
 and time, and is refused what would change the machine or leave it: starting programs,
-connections, files outside a temporary folder. That keeps honest files from harm; it is
+connections, changing files outside a temporary folder. What it writes elsewhere is
+kept in that. This keeps honest files from harm; it is
 no wall against a program that means it.
 
 It reads one request from standard input as a line of JSON, asks for packages, and ends
@@ -47,6 +48,7 @@ from arm_drake.launch.substitutions import (
     perform,
     read_description,
 )
+from arm_drake.launch.written_files import WrittenFiles
 
 # Modules that have actions, substitutions and conditions, also those of which there
 # are none here: what isn't known is noted when it comes to pass.
@@ -603,13 +605,15 @@ def main() -> None:
         os.environ.setdefault(name, value)
     # As the module site has it, which isn't loaded.
     vars(builtins).update(exit=sys.exit, quit=sys.exit)
-    context = LaunchContext(other.find, other.expand)
+    written = WrittenFiles(request["folder"])
+    context = LaunchContext(other.find, other.expand, written)
     install(context, other.find_sources)
     run = LaunchRun(
         context,
         lambda path: _load(Path(path), request["stood_for"]),
         only_shows_arguments=request["only_shows_arguments"],
     )
+    written.install()
     watch = _Watch(request["folder"])
     _seal(watch)
     with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
@@ -620,12 +624,13 @@ def main() -> None:
     other.send(
         error=error,
         arguments=list(run.declared.values()),
-        values=context.launch_configurations,
+        values=written.real(context.launch_configurations),
         asked=sorted(context.asked),
-        records=run.records,
+        records=written.real(run.records),
         descriptions=context.descriptions,
         expansions=context.expansions,
         rewritten=context.rewritten,
+        kept=written.kept,
         environment=dict(os.environ),
         opened=watch.opened[:10_000],
         refused=watch.refused,

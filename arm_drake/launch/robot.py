@@ -323,14 +323,15 @@ class LaunchedRobot:
     def lines(self) -> list[str]:
         """Return it as lines of a plan."""
         source = self.source if isinstance(self.source, Path) else "a text"
-        arguments = " ".join(f"{k}:={v}" for k, v in self.xacro_args.items())
+        rewritten = self.folder.rewritten if self.folder else {}
+        named = {k: rewritten.get(v, (v,))[0] for k, v in self.xacro_args.items()}
+        arguments = " ".join(f"{k}:={v}" for k, v in named.items())
         place = "" if self.pose is None else f" at {list(self.pose)}"
         lines = [
             f"robot {self.chosen_name or ''}".rstrip()
             + f": {source} {arguments}".rstrip()
             + place
         ]
-        rewritten = self.folder.rewritten if self.folder else {}
         for path in map(str, self.controllers):
             lines.append(f"  parameters: {rewritten.get(path, (path,))[0]}")
         lines += [f"  controller {name}: {s}" for name, s in self.spawned.items()]

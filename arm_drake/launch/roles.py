@@ -427,7 +427,8 @@ class Roles:
         text = values.get(_TOPIC)
         if not isinstance(text, str):  # A file, in older versions.
             names = [n for n in record.get("arguments", ()) if n.endswith(".urdf")]
-            text = _read_text(Path(names[0])) if names else ""
+            file = Path(names[0]) if names else None
+            text = (self._read_key(file) or _read_text(file)) if file else ""
         found = self._find_description(text, record, topic)
         if found is None:
             what = "robot_state_publisher has no robot_description"

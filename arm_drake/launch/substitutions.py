@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from arm_drake.errors import suggest
+from arm_drake.launch.written_files import WrittenFiles
 
 # What is passed on in place of a description's text, by its number: most are never
 # looked into, and to expand one takes a process of its own.
@@ -56,9 +57,12 @@ class LaunchContext:
         self,
         find_package: Callable[[str], str],
         expand: Callable[[str, Mapping[str, str]], str],
+        written: WrittenFiles,
     ) -> None:
         """Create it, with what finds a package's share folder, and expands xacro."""
         self._expand = expand
+        # What launch files wrote, and where it is kept.
+        self.written = written
         self.find_package = find_package
         self.launch_configurations: dict[str, str] = {}
         # Names of configurations that something asked for.
@@ -150,6 +154,7 @@ class LaunchContext:
         `ends_on_words` is whether the launch ends if xacro says something.
         """
         made = {"file": os.path.abspath(file), "arguments": dict(arguments)}
+        made = self.written.real(made)
         self.descriptions.append({**made, "ends_on_words": ends_on_words})
         return f'<robot key="{len(self.descriptions) - 1}" by="arm_drake"/>'
 

@@ -1,0 +1,125 @@
+"""Files that a launch file writes in places of the user's: kept in its own folder.
+
+Many write a description or parameters beside themselves or into `/tmp`, and start nodes
+with the name. They find again what they wrote, and so do the nodes.
+"""
+
+import builtins
+import errno
+import io
+import os
+import re
+import shutil
+from collections.abc import Mapping
+from typing import Any
+
+_NAMES_A_FILE = (str, bytes, os.PathLike)
+
+
+class WrittenFiles:
+    """What was written elsewhere, and where it is kept below a folder."""
+
+    def __init__(self, folder: str) -> None:
+        """Create it, with the folder in which all may be written."""
+        self._folder = os.path.realpath(folder)
+        # Where a file is kept, by its name.
+        self.kept: dict[str, str] = {}
+        self._stat, self._open, self._mkdir = os.stat, open, os.mkdir
+        self._folders: set[str] = set()
+
+    def install(self) -> None:
+        """Let `open`, `os.stat` and `os.mkdir` know them from now on."""
+        vars(builtins)["open"] = vars(io)["open"] = self.open
+        vars(os).update(stat=self.stat, mkdir=self.mkdir)
+        for name in ("chmod", "remove", "unlink", "utime"):
+            vars(os)[name] = self._of_kept(getattr(os, name))
+
+    def open(self, file: Any, mode: Any = "r", *args: Any, **kwargs: Any) -> Any:
+        """Open a file; one that is to be written, where it is kept."""
+        if isinstance(file, _NAMES_A_FILE) and isinstance(mode, str):
+            if set(mode) & set("wax+") and "opener" not in kwargs:
+                file = self._keep(file, mode)
+            else:
+                file = self._find(file)
+        return self._open(file, mode, *args, **kwargs)
+
+    def stat(self, path: Any, **kwargs: Any) -> os.stat_result:
+        """Return what `os.stat` does, of a file where it is kept."""
+        if isinstance(path, _NAMES_A_FILE) and not kwargs.get("dir_fd"):
+            path = self._find(path)
+        return self._stat(path, **kwargs)
+
+    def mkdir(self, path: Any, *args: Any, **kwargs: Any) -> None:
+        """Make a folder, or what is kept for one."""
+        if kwargs.get("dir_fd") is None and not self._is_own(full := _full(path)):
+            if self._is_folder(full):
+                raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), full)
+            self._require_folder(full)
+            self._folders.add(full)
+            self.kept[full] = path = self._place(full)
+            os.makedirs(path, exist_ok=True)
+            return
+        self._mkdir(path, *args, **kwargs)
+
+    def real(self, value: Any) -> Any:
+        """Return a value in whose texts names are those of where files are kept."""
+        if not self.kept:
+            return value
+        if isinstance(value, Mapping):
+            return {key: self.real(each) for key, each in value.items()}
+        if isinstance(value, list | tuple):
+            return [self.real(each) for each in value]
+        if not isinstance(value, str):
+            return value
+        names = "|".join(map(re.escape, sorted(self.kept, key=len, reverse=True)))
+        pattern = rf"(?<![\w./-])(?:{names})(?![\w-]|\.\w)"
+        return re.sub(pattern, lambda match: self.kept[match[0]], value)
+
+    def _of_kept(self, function: Any) -> Any:
+        def call(path: Any, *args: Any, **kwargs: Any) -> Any:
+            is_name = isinstance(path, _NAMES_A_FILE) and "dir_fd" not in kwargs
+            return function(self._find(path) if is_name else path, *args, **kwargs)
+
+        return call
+
+    def _keep(self, file: Any, mode: str) -> Any:
+        """Return where a file is written that may be the user's."""
+        full = _full(file)
+        if self._is_own(full) or full == os.devnull or full in self._folders:
+            return file
+        if full not in self.kept:
+            is_there = os.path.isfile(full)
+            if os.path.exists(full) and not is_there:
+                return file  # What isn't a file can't be kept, and is refused.
+            if "x" in mode and is_there:
+                raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), full)
+            if "r" in mode and not is_there:
+                raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), full)
+            self._require_folder(full)
+            place = self._place(full)
+            os.makedirs(os.path.dirname(place), exist_ok=True)
+            if is_there and "w" not in mode:
+                shutil.copyfile(full, place)
+            self.kept[full] = place
+        return self.kept[full]
+
+    def _find(self, file: Any) -> Any:
+        return self.kept.get(_full(file), file) if self.kept else file
+
+    def _place(self, full: str) -> str:
+        return os.path.join(self._folder, "written", full.lstrip(os.sep))
+
+    def _is_own(self, full: str) -> bool:
+        real = os.path.realpath(full)
+        return os.path.commonpath([real, self._folder]) == self._folder
+
+    def _is_folder(self, full: str) -> bool:
+        return full in self._folders or os.path.isdir(full)
+
+    def _require_folder(self, full: str) -> None:
+        if not self._is_folder(os.path.dirname(full)):
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), full)
+
+
+def _full(file: Any) -> str:
+    return os.path.abspath(os.fsdecode(file))

@@ -1,0 +1,113 @@
+"""Launch files that write descriptions and parameters where ROS lets them."""
+
+from pathlib import Path
+
+import pytest
+
+import arm_drake as ad
+from arm_drake.errors import ArmDrakeError
+from tests.launch.packages import describe, make_package
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    return make_package(tmp_path)
+
+
+def test_what_is_written_is_used_by_what_is_started(
+    package: Path, tmp_path: Path
+) -> None:
+    made, yaml = tmp_path / "out" / "robot.urdf", package / "config" / "all.yaml"
+    before = f"""
+    import shutil
+    import xacro
+
+    os.makedirs("{made.parent}", exist_ok=True)
+    with open("{made}", "w") as file:
+        file.write(xacro.process(XACRO[1]))
+    shutil.copy(YAML, "{yaml}")
+    with open("{yaml}", "a") as file:
+        file.write("# " + str(os.path.exists("{yaml}")))
+    """
+    entities = f"""
+    Node(package="robot_state_publisher", executable="robot_state_publisher",
+         arguments=["{made}"]),
+    Node(package="controller_manager", executable="ros2_control_node",
+         parameters=["{yaml}"]),
+    spawner("forward"),
+    """
+
+    plan = ad.load_launch(describe(package, entities, before))
+
+    (robot,) = plan.load_scene().robots
+    assert plan.robots[0].spawned == {"forward": "active"}
+    assert len(robot.controllers.controllers) == 3
+    assert plan.robots[0].source == package / "urdf" / "pendulum.urdf.xacro"
+    assert not made.parent.exists()
+    assert not yaml.exists()
+    told = str(plan)
+    assert f"parameters: {yaml}" in told
+    for file in (made, yaml):
+        assert f"it writes {file}; it is kept for this launch alone" in str(plan.report)
+
+
+def test_an_argument_of_xacro_names_what_is_written(
+    package: Path, tmp_path: Path
+) -> None:
+    made = tmp_path / "prefix.txt"
+    xacro = package / "urdf" / "pendulum.urdf.xacro"
+    name = "${xacro.load_yaml('$(arg prefix)')['prefix']}swing"
+    text = xacro.read_text(encoding="utf-8").replace("$(arg prefix)swing", name)
+    xacro.write_text(text, encoding="utf-8")
+    before = f"""
+    with open("{made}", "w") as file:
+        file.write("prefix: left_")
+    """
+    path = describe(package, f'publisher([*XACRO, " prefix:={made}"]),', before)
+
+    plan = ad.load_launch(path)
+
+    (robot,) = plan.load_scene().robots
+    assert robot.description.movable_joints[0].name == "left_swing"
+    assert f"prefix:={made}" in str(plan)
+
+
+def test_a_file_that_is_changed_stays_as_it_is(package: Path, tmp_path: Path) -> None:
+    file = tmp_path / "notes"
+    file.write_text("first ")
+    before = f"""
+    with open("{file}", "a") as stream:
+        stream.write("second")
+    said = open("{file}").read()
+    os.remove("{file}")
+    """
+    path = describe(package, "publisher(), LogInfo(msg=said),", before)
+
+    assert "first second; so says" in str(ad.load_launch(path).report)
+    assert file.read_text() == "first "
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("code", "expected"),
+    [
+        ("open('{there}', 'x')", "FileExistsError: [Errno 17] File exists"),
+        ("open('{none}', 'r+')", "FileNotFoundError: [Errno 2] No such file"),
+        ("open('{none}/a', 'w')", "FileNotFoundError: [Errno 2] No such file"),
+        ("open('{folder}', 'w')", "it writes: {folder}"),
+        ("os.mkdir('{folder}')", "FileExistsError: [Errno 17] File exists"),
+        ("os.mkdir('{none}/a')", "FileNotFoundError: [Errno 2] No such file"),
+    ],
+)
+def test_what_can_not_be_written_is_refused_as_by_python(
+    package: Path, tmp_path: Path, code: str, expected: str
+) -> None:
+    there = tmp_path / "there"
+    there.write_text("as it was")
+    places = {"there": there, "none": tmp_path / "none", "folder": package}
+
+    with pytest.raises(ArmDrakeError) as error:
+        ad.load_launch(describe(package, "", code.format(**places)))
+
+    assert expected.format(**places) in str(error.value)
+    assert there.read_text() == "as it was"
