@@ -439,7 +439,8 @@ class _ShapeReader:
         for name, count in SIZES[shape.tag].items():
             part = f"<{shape.tag} {name}>"
             sizes = numbers(shape.get(name, ""), self.file, where, part)
-            if sizes.count(0.0) == 1 and part in ("<box size>", "<cylinder length>"):
+            is_flat = len(sizes) == count and sizes.count(0.0) == 1 and min(sizes) >= 0
+            if is_flat and part in ("<box size>", "<cylinder length>"):
                 sizes = [size or _THICKNESS for size in sizes]
                 what, done = f"{part} 0", f"a plate, taken {_THICKNESS:g} m thick"
                 self.report.add(

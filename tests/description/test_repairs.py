@@ -274,6 +274,8 @@ def test_a_colour_stays_when_its_texture_goes(repair):
         ("<box/>", "<box> without a positive size"),
         ('<box size="1 1"/>', "<box> without a positive size"),
         ('<box size="1 0 0"/>', "<box> without a positive size"),
+        ('<box size="1 0"/>', "<box> without a positive size"),
+        ('<box size="1 0 -1"/>', "<box> without a positive size"),
         ('<box size="1 1 -1"/>', "<box> without a positive size"),
         ('<sphere radius="0"/>', "<sphere> without a positive size"),
         ('<sphere radius="nan"/>', "<sphere> without a positive size"),
