@@ -152,7 +152,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     atexit.register(_end_soon)
     try:
         check_process()
-        with _expanding_ahead(options):
+        with terminating(), _expanding_ahead(options):
             return _run(options)
     except ArmDrakeError as error:
         print(f"arm-drake: {error}", file=sys.stderr)
@@ -176,7 +176,7 @@ def _run(options: argparse.Namespace) -> int:
         import numpy as np
 
     # Numbers beyond all bounds are a user's: what comes of them is said by us.
-    with terminating(), np.errstate(all="ignore"):
+    with np.errstate(all="ignore"):
         code = _COMMANDS[options.command].run(options)
         sys.stdout.flush()
         return code

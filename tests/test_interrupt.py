@@ -288,7 +288,14 @@ def test_ctrl_c_ends_a_plan_in_half_a_second() -> None:
 
 
 @pytest.mark.slow
-def test_ctrl_c_ends_xacro_too(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    # The second one comes while numpy is imported.
+    ("number", "after"),
+    [(signal.SIGINT, 0.2), (signal.SIGTERM, 0.05)],
+)
+def test_what_ends_a_command_ends_xacro_too(
+    tmp_path: Path, number: int, after: float
+) -> None:
     # It would take longer than it may; the signal is for the command alone.
     endless = "len([n for n in range(10**12) if n &lt; 0])"
     robot = tmp_path / "arm.xacro"
@@ -299,9 +306,9 @@ def test_ctrl_c_ends_xacro_too(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "arm_drake", "check", str(robot)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         parent = psutil.Process(process.pid)
-        wait_until(lambda: any(c.cpu_times().user > 0.2 for c in parent.children()))
+        wait_until(lambda: any(c.cpu_times().user > after for c in parent.children()))
         (child,) = parent.children()
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         _, error = process.communicate(timeout=PATIENCE)
 
     assert (process.returncode, error) == (130, "arm-drake: interrupted\n")
