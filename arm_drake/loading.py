@@ -300,12 +300,12 @@ def _read_description(loading: _Loading) -> RobotDescription:
 def _expand(loading: _Loading, xacro_args: Mapping[str, str]) -> str:
     """Return the text that xacro makes of the entry file.
 
-    xacro runs in a process of its own. Meanwhile this one imports what tries the robot,
-    which takes it as long.
+    xacro runs in a process of its own. Meanwhile a thread of this one imports what
+    `_try` needs, which takes about as long.
     """
 
     def import_meanwhile() -> None:
-        with contextlib.suppress(Exception):  # It comes again where it is imported.
+        with contextlib.suppress(Exception):  # The import in `_try` raises it again.
             import_trial()
 
     thread = Thread(target=import_meanwhile)
@@ -324,7 +324,7 @@ def _expand(loading: _Loading, xacro_args: Mapping[str, str]) -> str:
 
 
 def import_trial() -> None:
-    """Import what tries a robot, and with it Drake."""
+    """Import what `_try` needs, Drake among it."""
     with without_collection():
         import arm_drake.hardware.drives
         import arm_drake.manager.loading  # noqa: F401

@@ -70,9 +70,9 @@ def fit_period(rate: float, step: float) -> float:
 
 
 def _ratio(rate: float, step: float) -> tuple[int, int] | None:
-    """Return in how many steps a rate's period passes, as a fraction.
+    """Return a rate's period per step, as numerator and denominator.
 
-    That is the nearest of a small denominator, or None where none is near.
+    The denominator is at most `_MOST_PARTS`; None if no such fraction is near.
     """
     steps = 1.0 / (rate * step)
     if steps > _MOST_STEPS:

@@ -315,8 +315,8 @@ _ahead: list[_Expansion] = []
 def expanding_ahead(path: Path, args: Mapping[str, str]) -> Iterator[None]:
     """Start an expansion that `expand_xacro` will finish, called with the same.
 
-    It has a process of its own. What is imported meanwhile takes as long. At the end
-    of the block it is ended if nobody asked for it.
+    It has a process of its own, beside which this one can import what it needs. At the
+    end of the block it is ended if nothing was expanded.
     """
     if path.suffix == ".xacro":
         _ahead.append(_Expansion(path, args))

@@ -244,7 +244,7 @@ class LaunchedRobot:
         return {k: v for k, v in self.variables.items() if k in named}
 
     def _with_hardware(self, file: Path) -> Path:
-        """Return a parameter file in which hardware starts as it is put later."""
+        """Return a parameter file in which hardware starts in its later state."""
         if self.folder is None or not self.hardware:
             return file
         try:
@@ -591,7 +591,8 @@ class RobotParts:
     # SRDF files of planners, with their name spaces.
     semantics: list[tuple[str, Path]] = dc.field(default_factory=list)
 
-    # What is of robots that aren't there: its name, what it is, and why.
+    # Controllers and hardware of robots that aren't there: the name, which of the two,
+    # and why.
     left_out: list[tuple[str, str, str]] = dc.field(default_factory=list)
 
     def find_robots(self, *, has_world: bool) -> list[LaunchedRobot]:

@@ -176,7 +176,7 @@ class Message:
     _ros_type: ClassVar[str] = ""
 
     def __init_subclass__(cls, ros: str = "") -> None:
-        """Take its package in ROS, or its type if that is called otherwise."""
+        """Take `ros`: its package in ROS, or its whole type if the names differ."""
         super().__init_subclass__()
         cls._ros_type = ros if "/" in ros or not ros else f"{ros}/msg/{cls.__name__}"
 

@@ -81,8 +81,8 @@ _NEARER: Final = 0.9
 _EDGE: Final = 0.02
 
 
-# What the topic of each kind of camera ends with in Gazebo Sim, and what is on it and
-# on those below it. Where it ends with something, the CameraInfo is beside it.
+# By kind of camera: how its topic ends in Gazebo Sim, and for each of its messages what
+# follows that end. The CameraInfo is beside a topic that has an end, else below it.
 _TOPICS: Final[Mapping[CameraKind, tuple[str, Mapping[str, str]]]] = {
     "color": ("/image", {"image": ""}),
     "depth": ("/depth_image", {"depth_image": "", "points": "/points"}),

@@ -77,7 +77,7 @@ class SensorSystem(PythonSystem):
     of them in one place, with its time, until something may have moved.
     """
 
-    # On which of its topics, as `topics` calls them, pictures are that logs compress.
+    # Keys of `topics` whose messages are pictures, which logs compress.
     pictures: ClassVar[tuple[str, ...]] = ()
 
     def __init__(

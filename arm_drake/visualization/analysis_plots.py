@@ -1,6 +1,6 @@
 """Plots of linear models, of two rollouts and of studies.
 
-They import matplotlib, so that who draws nothing must not import them.
+This module imports matplotlib: import it only where something is drawn.
 """
 
 from collections.abc import Mapping, Sequence
