@@ -69,8 +69,8 @@ def _user_cache() -> str:
     """Return where the system keeps what this program caches."""
     if sys.platform == "linux":
         # The rule of XDG, as platformdirs has it, which brings some twenty modules.
-        folder = os.environ.get("XDG_CACHE_HOME", "").strip() or "~/.cache"
-        return f"{folder}/arm_drake"
+        folder = os.environ.get("XDG_CACHE_HOME", "")
+        return f"{folder if os.path.isabs(folder) else '~/.cache'}/arm_drake"
     import platformdirs
 
     return platformdirs.user_cache_dir("arm_drake")

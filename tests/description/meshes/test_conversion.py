@@ -554,6 +554,17 @@ def test_the_default_cache_is_the_users(monkeypatch, tmp_path):
     assert mut.cache_directory().parts[-2:] == ("arm_drake", "meshes")
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="XDG's rule is Linux's")
+@pytest.mark.parametrize("named", ["/var/elsewhere", "relative", "~/mine", " ", ""])
+def test_a_relative_cache_of_the_user_does_not_count(monkeypatch, named):
+    monkeypatch.delenv("ARM_DRAKE_CACHE", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", named)
+    monkeypatch.setenv("HOME", "/home/me")
+
+    own = "/var/elsewhere" if named == "/var/elsewhere" else "/home/me/.cache"
+    assert mut.cache_directory() == Path(own, "arm_drake", "meshes")
+
+
 def test_clearing_removes_only_what_the_cache_wrote(converter):
     source = converter.write("box.stl", binary_stl())
     converter.visual(source)
