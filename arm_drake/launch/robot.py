@@ -214,6 +214,7 @@ class LaunchedRobot:
             robot = _without_idle(robot, self.spawned)
         if self.simulator is not None:
             _report_held_base(robot)
+        _report_hardware(robot, self.hardware)
         hold_files(robot, self.folder)
         return robot
 
@@ -420,6 +421,20 @@ def _report_held_base(robot: Robot) -> None:
         what = f"Gazebo holds {description.base!r} nowhere: there is no link 'world'"
         done = "it is held where it starts; it neither falls nor walks"
         robot.report.add("warning", "repair", what, done, file=description.file)
+
+
+def _report_hardware(robot: Robot, states: Mapping[str, str]) -> None:
+    """Report hardware that is put into a state and isn't there, or stays active."""
+    initial = robot.controllers.hardware_components_initial_state
+    names = [block.name for block in robot.description.hardware]
+    idle = {*initial.unconfigured, *initial.inactive}
+    for name, state in states.items():
+        what = f"hardware component {name!r} is set {state}"
+        if name not in names:
+            done = f"it isn't there; {suggest(name, names)}"
+            robot.report.add("warning", "missing", what, done)
+        elif state != "active" and name in set(initial.active or names) - idle:
+            robot.report.add("warning", "unsupported", what, "it stays active")
 
 
 class LaunchedModel(NamedTuple):

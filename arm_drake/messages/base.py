@@ -176,9 +176,12 @@ class Message:
     _ros_type: ClassVar[str] = ""
 
     def __init_subclass__(cls, ros: str = "") -> None:
-        """Take `ros`: its package in ROS, or its whole type if the names differ."""
+        """Take `ros`: its package in ROS, or its type if the names differ."""
         super().__init_subclass__()
-        cls._ros_type = ros if "/" in ros or not ros else f"{ros}/msg/{cls.__name__}"
+        package, _, name = ros.partition("/")
+        name = name or cls.__name__
+        name = name if "/" in name else f"msg/{name}"
+        cls._ros_type = f"{package}/{name}" if ros else ""
 
     def __copy__(self) -> Self:
         return self

@@ -180,6 +180,27 @@ def test_what_is_told_of_a_rewritten_file_names_the_users_own_once(
 
 
 @pytest.mark.slow
+def test_a_state_of_hardware_that_is_not_taken_is_reported(package: Path) -> None:
+    path = describe(
+        package,
+        """
+        publisher(), manager(), spawner("forward"), *(
+            ExecuteProcess(
+                cmd=["ros2", "control", "set_hardware_component_state", name, state])
+            for name, state in (("pendulun", "active"), ("pendulum", "inactive"))),
+        """,
+    )
+
+    (robot,) = ad.load_launch(path).load_scene().robots
+
+    assert [str(entry) for entry in robot.report if "hardware" in entry.what] == [
+        "warning: hardware component 'pendulun' is set active; it isn't there; did you "
+        "mean 'pendulum'? known: pendulum",
+        "warning: hardware component 'pendulum' is set inactive; it stays active",
+    ]
+
+
+@pytest.mark.slow
 def test_hardware_of_a_manager_that_is_not_started_is_reported(package: Path) -> None:
     path = describe(
         package,

@@ -501,6 +501,9 @@ def test_a_message_that_derives_from_another_has_a_type_of_its_own() -> None:
     class Level(Float64, ros="std_msgs/msg/UInt8"):
         pass
 
+    class Short(Float64, ros="std_msgs/UInt8"):
+        pass
+
     assert ros_type(JointState) == "sensor_msgs/msg/JointState"
     assert ros_type(Labelled) is None
-    assert ros_type(Level) == "std_msgs/msg/UInt8"
+    assert ros_type(Level) == ros_type(Short) == "std_msgs/msg/UInt8"
