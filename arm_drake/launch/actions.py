@@ -17,13 +17,14 @@ from typing import Any
 
 from arm_drake.launch.event_handlers import EventHandler, entities_after
 from arm_drake.launch.nodes import PACKAGES, ends
-from arm_drake.launch.parameters import Parameter, read_parameters, read_value
+from arm_drake.launch.parameters import Parameter, read_parameters
+from arm_drake.launch.shell import write_files
 from arm_drake.launch.substitutions import (
     LaunchContext,
     LaunchError,
     perform,
 )
-from arm_drake.launch.words import split_words
+from arm_drake.launch.words import split_ros_arguments, split_words
 
 # How long what ends by itself takes [s]: only its place among timers matters.
 _TAKES = 0.5
@@ -405,8 +406,10 @@ class ExecuteLocal(Action):
 
     def act(self, run: "LaunchRun") -> None:
         words = [perform(run.context, word) for word in self.cmd]
-        if len(words) == 1 or self.kwargs.get("shell"):
-            words = split_words(" ".join(words))
+        text, is_shell = " ".join(words), self.kwargs.get("shell")
+        makes_files = ["sh", "-c", text] if is_shell else words
+        if len(words) == 1 or is_shell:
+            words = split_words(text)
         # A node by its command.
         if words[:2] == ["ros2", "run"] and len(words) >= 4:
             run.start_node(self, words[2], words[3], arguments=words[4:])
@@ -414,7 +417,8 @@ class ExecuteLocal(Action):
         if words[:2] == ["ros2", "launch"] and len(words) > 2:
             run.launch(words[2:])
             return
-        run.start(self, "process", command=words)
+        is_made = not self.kwargs.get("cwd") and write_files(makes_files, run.expand)
+        run.start(self, "writer" if is_made else "process", command=words)
 
 
 class ExecuteProcess(ExecuteLocal):
@@ -564,37 +568,6 @@ class LoadComposableNodes(ComposableNodeContainer):
     pass
 
 
-def split_ros_arguments(
-    words: Sequence[str],
-) -> tuple[list[str], dict[str, Any]]:
-    """Return the words of a program, and what those after `--ros-args` mean."""
-    own: list[str] = []
-    found: dict[str, Any] = {"namespace": None, "name": None}
-    files: list[Any] = []
-    remappings: list[tuple[str, str]] = []
-    rest, is_ros = list(words), False
-    while rest:
-        word = rest.pop(0)
-        if word == "--ros-args":
-            is_ros = True
-        elif word == "--" and is_ros:
-            is_ros = False
-        elif not is_ros:
-            own.append(word)
-        elif word == "--params-file" and rest:
-            files.append(rest.pop(0))
-        elif word in ("-p", "--param") and rest and ":=" in rest[0]:
-            name, value = rest.pop(0).split(":=", 1)
-            files.append({name: read_value(value)})
-        elif word in ("-r", "--remap") and rest and ":=" in rest[0]:
-            source, target = rest.pop(0).split(":=", 1)
-            if source in ("__ns", "__node", "__name"):
-                found["namespace" if source == "__ns" else "name"] = target
-            else:
-                remappings.append((source, target))
-    return own, found | {"parameters": files, "remappings": remappings}
-
-
 def join_names(space: str, name: str) -> str:
     """Return a name in a name space; one that begins with a slash is as it is."""
     if name.startswith("/") or not space.strip("/"):
@@ -719,6 +692,11 @@ class LaunchRun:
         self.context.files.append(file)
         self.visit(description)
         self.context.files.pop()
+
+    def expand(self, file: str, arguments: Mapping[str, str]) -> str:
+        """Return the text of a xacro file with arguments."""
+        text: str = self.context.whole(self.context.note_description(file, arguments))
+        return text
 
     def launch(self, words: Sequence[str]) -> None:
         """Do what `ros2 launch` does, with arguments of its own."""

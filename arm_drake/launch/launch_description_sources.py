@@ -18,6 +18,7 @@ from arm_drake.launch.substitutions import (
     LaunchError,
     PackageNotFoundError,
     UnlessCondition,
+    parse_command,
     parse_substitution,
 )
 
@@ -268,7 +269,8 @@ def _make_gazebo(name: str) -> Any:
 _MAKERS: Mapping[str, Callable[[_Element], Any]] = {
     "arg": _make_argument,
     "executable": lambda e: actions.ExecuteProcess(
-        cmd=[parse_substitution(e.attributes["cmd"])]
+        cmd=parse_command(e.attributes["cmd"]),
+        shell=e.attributes.get("shell", "").lower() == "true",
     ),
     "group": _make_group,
     "gz_server": _make_gazebo("GzServer"),

@@ -24,7 +24,7 @@ from arm_drake.description.report import LoadReport
 from arm_drake.description.sdf import is_sdf, moves_by_itself
 from arm_drake.errors import DescriptionError, PackageError
 from arm_drake.importing import dataclass
-from arm_drake.launch.actions import join_names, split_ros_arguments
+from arm_drake.launch.actions import join_names
 from arm_drake.launch.commanded import read_goal, read_publication, save_steps
 from arm_drake.launch.frames import StaticFrame, read_static_frame
 from arm_drake.launch.nodes import find_role, find_what_it_does
@@ -44,6 +44,7 @@ from arm_drake.launch.substitutions import KEY
 from arm_drake.launch.words import (
     all_values_of,
     positional,
+    split_ros_arguments,
     split_words,
     value_of,
     values_of,
@@ -171,6 +172,9 @@ class Roles:
             return self._read_shutdown(record)
         what = f"event {record['name']}"
         self._add("warning", "unsupported", what, "it never comes here", record)
+
+    def _read_writer(self, record: Mapping[str, Any]) -> None:
+        """Do nothing: what it wrote is in the report, and there."""
 
     def _read_unknown(self, record: Mapping[str, Any]) -> None:
         what = f"action {record['name']}"

@@ -5,6 +5,7 @@ They have the names and the arguments of `launch.substitutions`,
 their documentation. They are used in the process that reads launch files alone.
 """
 
+import itertools
 import os
 import re
 import shlex
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from arm_drake.errors import suggest
+from arm_drake.launch.shell import split_command
 from arm_drake.launch.written_files import WrittenFiles
 
 # What is passed on in place of a description's text, by its number: most are never
@@ -366,7 +368,7 @@ class Command(Substitution):
             expected = f"expected one of {', '.join(_ON_STDERR)}"
             raise SubstitutionFailure(f"on_stderr {on_stderr!r}: {expected}")
         try:
-            program, *words = _split_command(text)
+            program, *words = split_command(text)
         except ValueError:
             raise SubstitutionFailure(f"command {text!r}: no program's name") from None
         if program == "ros2" and words[:2] == ["param", "get"]:
@@ -403,16 +405,6 @@ def _parameter(context: LaunchContext, text: str, words: list[str]) -> str:
         problem = f"command {text!r}: {node} is given no {name!r}; it has: {there}"
         raise SubstitutionFailure(problem)
     return str(given[name])
-
-
-def _split_command(text: str) -> list[str]:
-    """Return a command's words; of a shell's, those of what `tee` only copies."""
-    words = shlex.split(text)
-    if [os.path.basename(w) for w in words[:-1]] not in (["bash", "-c"], ["sh", "-c"]):
-        return words
-    first, *copies = words[-1].replace("\\\n", " ").split("|")
-    is_same = all(copy.split()[:1] == ["tee"] for copy in copies)
-    return shlex.split(first) if is_same else words
 
 
 class EnvironmentVariable(Substitution):
@@ -626,8 +618,37 @@ def parse_substitution(text: str) -> list[Any]:
     parts: list[Any] = []
     while pieces:
         piece = pieces.pop()
-        parts.append(_parse_call(pieces) if piece == "$(" else piece)
+        parts.append(_parse_call(pieces) if piece == "$(" else _unescape(piece))
     return parts
+
+
+def _unescape(piece: str) -> str:
+    """Return a character without the backslash in front; a line's end keeps it."""
+    is_escaped = len(piece) == 2 and piece[0] == "\\" and piece[1] != "\n"
+    return piece[1] if is_escaped else piece
+
+
+def parse_command(text: str) -> list[Any]:
+    """Return the words of a command in XML and YAML, each of parts.
+
+    As upstream: quotes are looked for between substitutions, and end at those.
+    """
+    words: list[list[Any]] = [[]]
+    for is_text, run in itertools.groupby(
+        parse_substitution(text), key=lambda part: isinstance(part, str)
+    ):
+        if not is_text:
+            words[-1] += run
+            continue
+        joined = "".join(run)
+        if joined[0].isspace():
+            words.append([])
+        for index, word in enumerate(shlex.split(joined)):
+            words += [[]] if index else []
+            words[-1].append(word)
+        if joined[-1].isspace():
+            words.append([])
+    return [word for word in words if word]
 
 
 def _parse_call(pieces: list[str]) -> Substitution:
@@ -641,7 +662,7 @@ def _parse_call(pieces: list[str]) -> Substitution:
         elif quote and piece == quote:
             quote = ""
         elif quote:
-            words[-1].append(piece[1:] if piece in ("\\'", '\\"') else piece)
+            words[-1].append(_unescape(piece))
         elif piece in ("'", '"'):
             quote = piece
             words[-1].append("")
@@ -660,5 +681,5 @@ def _parse_call(pieces: list[str]) -> Substitution:
         elif piece.isspace():
             words.append([])
         else:
-            words[-1].append(piece)
+            words[-1].append(_unescape(piece))
     raise SubstitutionFailure("a $( is never closed")

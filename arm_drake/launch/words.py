@@ -3,6 +3,9 @@
 import itertools
 import shlex
 from collections.abc import Sequence
+from typing import Any
+
+from arm_drake.launch.parameters import read_value
 
 
 def split_words(text: str) -> list[str]:
@@ -62,3 +65,34 @@ def positional(words: Sequence[str], with_value: Sequence[str]) -> list[str]:
             found.append(word)
         skip = word in with_value
     return found
+
+
+def split_ros_arguments(
+    words: Sequence[str],
+) -> tuple[list[str], dict[str, Any]]:
+    """Return the words of a program, and what those after `--ros-args` mean."""
+    own: list[str] = []
+    found: dict[str, Any] = {"namespace": None, "name": None}
+    files: list[Any] = []
+    remappings: list[tuple[str, str]] = []
+    rest, is_ros = list(words), False
+    while rest:
+        word = rest.pop(0)
+        if word == "--ros-args":
+            is_ros = True
+        elif word == "--" and is_ros:
+            is_ros = False
+        elif not is_ros:
+            own.append(word)
+        elif word == "--params-file" and rest:
+            files.append(rest.pop(0))
+        elif word in ("-p", "--param") and rest and ":=" in rest[0]:
+            name, value = rest.pop(0).split(":=", 1)
+            files.append({name: read_value(value)})
+        elif word in ("-r", "--remap") and rest and ":=" in rest[0]:
+            source, target = rest.pop(0).split(":=", 1)
+            if source in ("__ns", "__node", "__name"):
+                found["namespace" if source == "__ns" else "name"] = target
+            else:
+                remappings.append((source, target))
+    return own, found | {"parameters": files, "remappings": remappings}
