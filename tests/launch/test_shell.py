@@ -1,5 +1,8 @@
 """Processes of launch files that make files from others."""
 
+import os
+import shutil
+import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -87,6 +90,101 @@ def test_commands_write_what_a_shell_does(
         assert not new.exists()
     else:
         assert new.read_text().startswith(expected)
+
+
+# Of what a shell and sed make the same, and of what nothing is done.
+ODD = "a <n> ${v} $(f p) 1+1 a.b*c [k]  \r\n\x0bx: ü^y {z}\u2028a a\n\nlast, b"
+SAME = r"""
+    s/[^,]*$/E/ | s/n>[^,]*/N/ | s/\s*$// | s/$/x/g | s/^/x/g | s/^./T/ | s/\r$//
+    s/${v}/V/ | s/$(f p)/V/ | s/ü^y/V/ | s/{z}/V/ | s/\${v}/V/ | s/x$y/V/ | s/^*/V/
+    s/[[:space:]]/_/g | s/[^[:alpha:]]*/_/ | s/\<a\>/W/g | s/\ba/W/g | s/[]k]/V/g
+    s/a/b\nc/ | s/a/b\tc/ | s/a*/-/ | s/a\{1,2\}/V/ | s/\(a\) .*\1/<\1&>/
+    s/a/\&/ | s/a/\\/g | s,a/b,V, | s/1\+/V/ | s/1+1/V/ | s/*/V/ | s/[[]k/V/
+"""
+SAME_SHELL = [
+    "cp old folder && cp old folder/x",
+    "cat old odd > new; cp bytes new2",
+    "mkdir -p 'a b' c\n\nmkdir -p d/e",
+    'sed "s|\\$(f p)|V|" odd > new',
+    "sed -E -e 's/(a) ?<n>{1,2}/<\\1>/' odd>new",
+    "sed -e 's/a/b/' -e 's/b$/c/' -i odd",
+    "sed 's/b*/X/g' old > new",
+    "> new cat old",
+]
+REFUSED = r"""
+    s/a/b/e | s/a/b/w x | 1e ls | s/\(a*\)*b/V/ | s/a\|b/V/ | s/a/\2/ | s/a/\U&/ | s//x/
+    s/\d/D/ | s/a/b/I | s/a/b/2 | s/[/]/V/ | s/[\n]/V/ | s/a\{1111\}/b/ | s/[[:a:]]/b/
+"""
+REFUSED_SHELL = [
+    "cat old > $HOME",
+    'sed "s|a|$HOME|" old > new',
+    "cat old > `pwd`/new",
+    "mkdir -p {a,b}",
+    "mkdir -p ~/a",
+    "cp o* new",
+    "cat old '>' new",
+    "cat old > new 2> new",
+    "cat old > old",
+    "cat /dev/zero > new",
+    "cat pipe > new",
+    "cp old none/",
+    "(cp old new)",
+    "cp old new &",
+    "cp old new # x",
+    "cp old new &&",
+    "cp old new ;; cp old new",
+]
+
+
+def make_files(folder: Path) -> Path:
+    (folder / "folder").mkdir(parents=True)
+    (folder / "old").write_text(TEMPLATE)
+    (folder / "odd").write_text(ODD, encoding="utf-8", newline="")
+    (folder / "bytes").write_bytes(b"\xff\r\n\x00")
+    return folder
+
+
+def read_files(folder: Path) -> dict[str, bytes | None]:
+    return {
+        str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None
+        for path in folder.rglob("*")
+    }
+
+
+def split_scripts(text: str) -> list[str]:
+    lines = text.strip().splitlines()
+    scripts = [each.strip() for line in lines for each in line.split(" | ")]
+    return [f"sed '{script}' odd > new" for script in scripts]
+
+
+@pytest.mark.skipif(not shutil.which("bash"), reason="compares with a shell")
+@pytest.mark.parametrize("text", [*split_scripts(SAME), *SAME_SHELL])
+def test_a_shell_makes_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
+) -> None:
+    theirs, ours = make_files(tmp_path / "theirs"), make_files(tmp_path / "ours")
+    environment = {"PATH": os.environ["PATH"], "LC_ALL": "C.UTF-8"}
+    subprocess.run(["bash", "-c", text], cwd=theirs, env=environment, check=True)
+    monkeypatch.chdir(ours)
+
+    assert write_files(["bash", "-c", text], no_xacro)
+
+    assert read_files(ours) == read_files(theirs)
+
+
+@pytest.mark.parametrize("text", [*split_scripts(REFUSED), *REFUSED_SHELL])
+def test_nothing_is_done_of_what_could_come_out_otherwise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
+) -> None:
+    before = read_files(make_files(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    if "pipe" in text:
+        os.mkfifo(tmp_path / "pipe")
+        before["pipe"] = None
+
+    assert not write_files(["bash", "-c", text], no_xacro)
+
+    assert read_files(tmp_path) == before
 
 
 def test_a_template_that_sed_fills_in_is_the_controllers_file(
