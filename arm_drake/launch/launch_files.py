@@ -22,9 +22,10 @@ from arm_drake.description.report import LoadReport
 from arm_drake.errors import ArmDrakeError, InputError, PackageError, suggest
 from arm_drake.launch.launch_description_sources import is_launch_file
 from arm_drake.launch.nodes import PACKAGES
-from arm_drake.launch.plan import LaunchArgument, LaunchPlan
+from arm_drake.launch.plan import LaunchArgument, LaunchPlan, name_files
 from arm_drake.launch.robot import PlanFolder
 from arm_drake.launch.roles import STOOD_FOR, Roles
+from arm_drake.launch.written_files import name_written
 
 # What a launch file may take: processor time and time [s], memory and file size
 # [bytes]. Real ones take below a second and 200 MB.
@@ -202,14 +203,14 @@ def _read(
             what = f"it writes {name}"
             done = "it is kept for this launch alone, and used by what it starts"
             report.add("info", "repair", what, done, file=path)
-    roles = Roles(answer, finder, report, folder)
+    found = Roles(answer, finder, report, folder).find()
     return LaunchPlan(
         file=path,
         arguments=arguments,
-        report=report,
+        report=name_files(report),
         folder=folder,
         package_paths=(*folders, *finder.sources()),
-        **roles.find(),
+        **found,
     )
 
 
@@ -352,7 +353,7 @@ def _explain(
 ) -> ArmDrakeError:
     """Return what is wrong with a launch file, in our words."""
     file, line = error.get("file") or path, error.get("line")
-    file = finder.real(Path(file))
+    file = finder.real(Path(name_written(str(file))))
     match error["kind"]:
         case "package":
             try:
@@ -377,4 +378,4 @@ def _explain(
             problem = f"needs more than {MEMORY // 2**20} MB of memory"
         case _:
             problem = error["text"].removeprefix(f"{file}: ")
-    return InputError(problem, file=file, line=line)
+    return InputError(name_written(problem), file=file, line=line)

@@ -551,7 +551,7 @@ class _Watch:
             elif os.fsdecode(path) != os.devnull:
                 self._check("writes", path)
         elif event in _REFUSED_EVENTS:
-            what = arguments[0] if arguments else ""
+            what = arguments[0] if arguments else None
             # Of Python itself, which numpy asks for.
             of_python = str(arguments[-1:]).startswith("('Py")
             if event == "ctypes.dlopen" and what is None:

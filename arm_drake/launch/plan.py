@@ -25,6 +25,7 @@ from arm_drake.launch.robot import (
     write_bridges,
 )
 from arm_drake.launch.roles import NotStarted
+from arm_drake.launch.written_files import name_written
 from arm_drake.options import SimulationOptions
 from arm_drake.scene import Scene
 from arm_drake.simulation.motion import Motion
@@ -189,13 +190,24 @@ class LaunchPlan:
             for each, robot in zip(self._placed, self.robots, strict=True)
             if robot is launched
         )
-        return launched.load(
-            name,
-            self.package_paths,
-            bridges,
-            placed,
-            initial_positions=initial_positions,
-        )
+        try:
+            robot = launched.load(
+                name,
+                self.package_paths,
+                bridges,
+                placed,
+                initial_positions=initial_positions,
+            )
+        except InputError as error:
+            if name_written(str(error)) == str(error):
+                raise
+            problem, file = name_written(error.problem), name_written(error.file or "")
+            raise InputError(
+                problem, file=file or None, line=error.line, where=error.where
+            ) from None
+        robot = dc.replace(robot, report=name_files(robot.report))
+        hold_files(robot, self.folder)
+        return robot
 
     @functools.cached_property
     def _placed(self) -> list[Placed]:
@@ -246,7 +258,7 @@ class LaunchPlan:
 
     def __str__(self) -> str:
         """Return the plan as lines."""
-        return "\n".join(self._lines())
+        return name_written("\n".join(self._lines()))
 
     def _lines(self) -> Iterator[str]:
         yield f"launch file: {self.file}"
@@ -264,6 +276,19 @@ class LaunchPlan:
         for model in self.models:
             yield f"model: {model.file} at {list(model.pose or ())}"
         yield from dict.fromkeys(map(str, self.not_started))
+
+
+def name_files(report: LoadReport) -> LoadReport:
+    """Return a report that names written files as the launch file does."""
+    return LoadReport(
+        dc.replace(
+            entry,
+            what=name_written(entry.what),
+            done=name_written(entry.done),
+            file=entry.file and name_written(entry.file),
+        )
+        for entry in report
+    )
 
 
 def _number_equal(names: Sequence[str | None]) -> list[str | None]:

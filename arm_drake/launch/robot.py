@@ -26,6 +26,7 @@ from arm_drake.description.xacro import SAID, expand_xacro
 from arm_drake.errors import InputError, PackageError, find_close, suggest
 from arm_drake.importing import dataclass
 from arm_drake.launch.frames import Placed
+from arm_drake.launch.written_files import PREFIX
 from arm_drake.loading import as_urdf, load_robot
 from arm_drake.manager.loading import load_controllers_of
 from arm_drake.options import SimulationOptions
@@ -45,7 +46,7 @@ class PlanFolder:
 
     def __init__(self) -> None:
         """Create it."""
-        self.path = Path(tempfile.mkdtemp(prefix="arm_drake_launch_"))
+        self.path = Path(tempfile.mkdtemp(prefix=PREFIX)).resolve()
 
         # Files in it that are others rewritten: which, and whether lines are theirs.
         self.rewritten: dict[str, tuple[str, bool]] = {}

@@ -50,6 +50,7 @@ from arm_drake.launch.words import (
     values_of,
     without_options,
 )
+from arm_drake.launch.written_files import name_written
 from arm_drake.worlds.world import WORLDS
 
 _TOPIC, _MANAGER = "robot_description", "controller_manager"
@@ -394,7 +395,7 @@ class Roles:
         self._parts.semantics.append((record["namespace"], srdf))
 
     def _leave_out(self, name: str, kind: str) -> None:
-        name = " ".join(name.split())
+        name = " ".join(name_written(name).split())
         name = name if len(name) <= _MAX_NAME else f"{name[:_MAX_NAME]} ..."
         self._not_started.append(NotStarted(name, kind))
 

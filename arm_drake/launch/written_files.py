@@ -10,10 +10,21 @@ import io
 import os
 import re
 import shutil
+import tempfile
 from collections.abc import Mapping
 from typing import Any
 
 _NAMES_A_FILE = (str, bytes, os.PathLike)
+
+# How the folders of plans begin, and where in them written files are kept.
+PREFIX = "arm_drake_launch_"
+_KEPT = "written"
+
+
+def name_written(text: str) -> str:
+    """Return a text that names written files as the launch file does."""
+    temporary = re.escape(os.path.realpath(tempfile.gettempdir()))
+    return re.sub(rf"{temporary}/{PREFIX}\w+/{_KEPT}(?=/)", "", text)
 
 
 class WrittenFiles:
@@ -107,7 +118,7 @@ class WrittenFiles:
         return self.kept.get(_full(file), file) if self.kept else file
 
     def _place(self, full: str) -> str:
-        return os.path.join(self._folder, "written", full.lstrip(os.sep))
+        return os.path.join(self._folder, _KEPT, full.lstrip(os.sep))
 
     def _is_own(self, full: str) -> bool:
         real = os.path.realpath(full)

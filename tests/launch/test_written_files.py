@@ -1,5 +1,6 @@
 """Launch files that write descriptions and parameters where ROS lets them."""
 
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -85,6 +86,70 @@ def test_a_file_that_is_changed_stays_as_it_is(package: Path, tmp_path: Path) ->
 
     assert "first second; so says" in str(ad.load_launch(path).report)
     assert file.read_text() == "first "
+
+
+def test_written_files_are_called_as_the_launch_file_calls_them(
+    package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    places = tmp_path / "places"
+    (tmp_path / "real").mkdir()
+    places.symlink_to(tmp_path / "real")
+    monkeypatch.setattr(tempfile, "tempdir", str(places))
+    made, folder = tmp_path / "made.urdf", tmp_path / "folder"
+    before = f"""
+    import xacro
+
+    os.mkdir("{folder}")
+    with open("{made}", "w") as file:
+        file.write(xacro.process(XACRO[1]))
+    os.chmod("{made}", 0o600)
+    try:
+        os.rename("{made}", "{folder}/other")
+    except OSError as error:
+        said = str(error)
+    """
+    entities = f"""
+    Node(package="robot_state_publisher", executable="robot_state_publisher",
+         arguments=["{made}"]),
+    Node(package="rviz2", executable="rviz2", arguments=["-d", "{made}"]),
+    ExecuteProcess(cmd=["program", "{made}", "{folder}"]),
+    LogInfo(msg="see {made}"), LogInfo(msg=said),
+    """
+
+    plan = ad.load_launch(describe(package, entities, before))
+
+    told = f"{plan}\n{plan.report}"
+    assert plan.robots[0].source == package / "urdf" / "pendulum.urdf.xacro"
+    for line in (f"rviz: {made}", f"process program {made}", f"see {made};"):
+        assert line in told
+    assert "it changes: " in told
+    assert "arm_drake_launch_" not in told
+    assert not folder.exists()
+
+
+def test_errors_call_written_files_as_the_launch_file_does(
+    package: Path, tmp_path: Path
+) -> None:
+    made = tmp_path / "made.xacro"
+    before = f"""
+    with open("{made}", "w") as file:
+        file.write('<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="a">')
+        file.write('<xacro:include filename="none.xacro"/></robot>')
+    """
+    plan = ad.load_launch(
+        describe(package, f'publisher(["xacro ", "{made}"]),', before)
+    )
+    gone = describe(package, "", f"{before}\n    os.remove('{made}'); open('{made}')")
+
+    with pytest.raises(ArmDrakeError) as error:
+        plan.load_scene()
+    with pytest.raises(ArmDrakeError) as other:
+        ad.load_launch(gone)
+
+    assert str(error.value).startswith(str(made))
+    for each in (error, other):
+        assert str(tmp_path) in str(each.value)
+        assert "arm_drake_launch_" not in str(each.value)
 
 
 @pytest.mark.slow
