@@ -3,9 +3,12 @@
 Launch files in YAML and XML have no other way to fill in a template: they start `sed`.
 """
 
+import contextlib
 import os
 import re
+import resource
 import shlex
+import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
@@ -13,6 +16,9 @@ from typing import NamedTuple
 Expand = Callable[[str, Mapping[str, str]], str]
 
 _SHELLS = (["bash", "-c"], ["sh", "-c"])
+
+# Processor time of a pattern [s]: Python may search for ever what sed finds at once.
+_TIME = 2.0
 
 # A part of a shell's word that stands for nothing else, and what its text is made of.
 _PART = (
@@ -220,11 +226,28 @@ def _read_sed(words: Sequence[str], target: str | None) -> Callable[[], None] | 
     def write() -> None:
         lines = _bytes(name, target).decode().split("\n")
         ending = [] if lines[-1] else [lines.pop()]
-        for rule in rules:
-            lines = [rule.apply(line) for line in lines]
+        with _limited():
+            for rule in rules:
+                lines = [rule.apply(line) for line in lines]
         _write(target or name, "\n".join(lines + ending).encode())
 
     return write
+
+
+@contextlib.contextmanager
+def _limited() -> Iterator[None]:
+    """Raise TimeoutError if something takes too long."""
+
+    def end(*args: object) -> None:
+        raise TimeoutError
+
+    before = signal.signal(signal.SIGVTALRM, end)
+    signal.setitimer(signal.ITIMER_VIRTUAL, _TIME)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
+        signal.signal(signal.SIGVTALRM, before)
 
 
 def _read_rule(script: str, *, is_extended: bool) -> _Rule:
@@ -347,7 +370,9 @@ def _bytes(name: str, target: str | None = None) -> bytes:
 
 
 def _write(name: str, data: bytes) -> None:
-    if name.endswith(os.sep):
+    is_other = os.path.exists(name) and not os.path.isfile(name)
+    limit, _ = resource.getrlimit(resource.RLIMIT_FSIZE)
+    if is_other or name.endswith(os.sep) or len(data) > limit >= 0:
         raise ValueError(name)
     with open(name, "wb") as file:
         file.write(data)

@@ -643,7 +643,12 @@ def parse_command(text: str) -> list[Any]:
         joined = "".join(run)
         if joined[0].isspace():
             words.append([])
-        for index, word in enumerate(shlex.split(joined)):
+        try:
+            split = shlex.split(joined)
+        except ValueError:
+            problem = "a quote isn't closed; expected it before the next $( or the end"
+            raise SubstitutionFailure(f"cmd {text!r}: {problem}") from None
+        for index, word in enumerate(split):
             words += [[]] if index else []
             words[-1].append(word)
         if joined[-1].isspace():

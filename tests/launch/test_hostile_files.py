@@ -83,6 +83,10 @@ def test_what_is_wrong_with_a_file_is_reported_with_its_place(
         ),
         ("<launch><log message=\"$(command 'ls')\"/></launch>", "'ls' is not run"),
         ("<launch><include file='nowhere'/></launch>", "no such file"),
+        (
+            "<launch>\n<executable cmd='a \"b'/></launch>",
+            ":2: cmd 'a \"b': a quote isn't",
+        ),
         ("<launch><include file='$(filename)'/></launch>", "contain each other"),
         (
             f"<launch><let name='a' value='{'$(var ' * 500}a{')' * 500}'/></launch>",

@@ -128,6 +128,8 @@ REFUSED_SHELL = [
     "cat /dev/zero > new",
     "cat pipe > new",
     "cp old none/",
+    "cp old /dev/full",
+    "sed 's/a*a*a*a*a*a*b/c/' long > new",
     "(cp old new)",
     "cp old new &",
     "cp old new # x",
@@ -140,6 +142,7 @@ def make_files(folder: Path) -> Path:
     (folder / "folder").mkdir(parents=True)
     (folder / "old").write_text(TEMPLATE)
     (folder / "odd").write_text(ODD, encoding="utf-8", newline="")
+    (folder / "long").write_text("a" * 3000)
     (folder / "bytes").write_bytes(b"\xff\r\n\x00")
     return folder
 
@@ -185,6 +188,17 @@ def test_nothing_is_done_of_what_could_come_out_otherwise(
     assert not write_files(["bash", "-c", text], no_xacro)
 
     assert read_files(tmp_path) == before
+
+
+def test_a_file_that_is_too_large_is_not_begun(package: Path, tmp_path: Path) -> None:
+    (tmp_path / "large").write_bytes(bytes(2**24 + 1))
+    command = f'["cp", "{tmp_path}/large", "{tmp_path}/copy"]'
+    entities = f"publisher(), ExecuteProcess(cmd={command}),"
+
+    plan = ad.load_launch(describe(package, entities))
+
+    assert [each.kind for each in plan.not_started] == ["process"]
+    assert not list(plan.report)
 
 
 def test_a_template_that_sed_fills_in_is_the_controllers_file(
