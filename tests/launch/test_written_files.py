@@ -88,6 +88,60 @@ def test_a_file_that_is_changed_stays_as_it_is(package: Path, tmp_path: Path) ->
     assert file.read_text() == "first "
 
 
+def test_all_functions_of_python_find_what_is_kept(
+    package: Path, tmp_path: Path
+) -> None:
+    old = tmp_path / "old"
+    old.write_text("as it was")
+    mode = old.stat().st_mode
+    before = f"""
+    import glob, shutil, tempfile
+    from pathlib import Path
+    here, said = Path("{tmp_path}"), []
+    (here / "a").write_text("first")
+    os.replace(here / "a", here / "b")
+    os.makedirs(here / "c" / "d")
+    shutil.move(here / "b", here / "c")
+    said += [(here / "c" / "b").read_text(), str((here / "b").exists())]
+    said += [str(sorted(os.listdir(here / "c"))), str(os.access(here / "c", os.R_OK))]
+    said += [str(len(glob.glob("{tmp_path}/c/*"))), str(len(list(here.glob("c/*"))))]
+    shutil.rmtree(here / "c")
+    said += [str((here / "c").exists())]
+    (here / "c").mkdir()
+    os.rmdir(here / "c")
+    (here / "e").touch()
+    shutil.copy2("{old}", here / "e")
+    os.truncate(here / "e", 2)
+    said += [(here / "e").read_text()]
+    old = here / "old"
+    old.touch()
+    old.chmod(0o600)
+    os.truncate(old, 5)
+    said += [old.read_text(), oct(old.stat().st_mode)]
+    os.close(os.open("made", os.O_CREAT, dir_fd=os.open(here, os.O_RDONLY)))
+    said += [str((here / "made").exists())]
+    with tempfile.NamedTemporaryFile("w", dir=here, delete=False) as file:
+        file.write("last")
+    said += [open(file.name).read()]
+    for each in (os.remove, os.rmdir, lambda name: os.chmod(name, 0)):
+        try:
+            each(here / "none")
+        except FileNotFoundError as error:
+            said += [os.path.basename(error.filename)]
+    """
+    expected = ["first", "False", "['b', 'd']", "True", "2", "2", "False", "as"]
+    expected += ["as it", "0o100600", "True", "last", "none", "none", "none"]
+
+    path = describe(package, "publisher(), LogInfo(msg=' '.join(said)),", before)
+    report = str(ad.load_launch(path).report)
+
+    assert f"{' '.join(expected)}; so says" in report
+    assert "may not do" not in report
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["old", "pendulum_bringup"]
+    assert old.read_text() == "as it was"
+    assert old.stat().st_mode == mode
+
+
 def test_written_files_are_called_as_the_launch_file_calls_them(
     package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -104,7 +158,7 @@ def test_written_files_are_called_as_the_launch_file_calls_them(
         file.write(xacro.process(XACRO[1]))
     os.chmod("{made}", 0o600)
     try:
-        os.rename("{made}", "{folder}/other")
+        os.symlink("{made}", "{folder}/other")
     except OSError as error:
         said = str(error)
     """
