@@ -65,6 +65,8 @@ _MAX_NAME = 200
 # States of controllers that load_controller and others are asked for.
 _STATES = {"start": "active", "active": "active", "configure": "inactive"}
 
+# Those of hardware that there is a command for.
+_HARDWARE_STATES = ("unconfigured", "inactive", "active")
 
 # What does the same here, by package.
 _INSTEAD = {
@@ -317,7 +319,7 @@ class Roles:
                     for one in (f"--{key}", f"--{key}-controllers"):
                         self._spawn(values_of(words, one), state, manager, ())
             case "set_hardware_component_state" if len(names) > 1:
-                self._set_hardware(names[:1], names[1], manager)
+                self._set_hardware(names[:1], names[1], manager, record)
             case _:
                 self._leave_out(f"ros2 control {verb} {' '.join(words)}", "process")
 
@@ -329,7 +331,20 @@ class Roles:
     ) -> None:
         self._parts.spawners.append(Spawner(tuple(names), state, manager, files))
 
-    def _set_hardware(self, names: Sequence[str], state: str, manager: str) -> None:
+    def _set_hardware(
+        self,
+        names: Sequence[str],
+        state: str,
+        manager: str,
+        record: Mapping[str, Any],
+    ) -> None:
+        if state not in _HARDWARE_STATES or not names:
+            listed = ", ".join(map(repr, names)) or "without names"
+            what = f"hardware components {listed} are set {state or 'no state'}"
+            expected = f"expected names and one of {', '.join(_HARDWARE_STATES)}"
+            done = f"it has no effect; {expected}"
+            self._add("warning", "invalid", what, done, record)
+            return
         spawner = Spawner(tuple(names), state, manager, kind="hardware component")
         self._parts.spawners.append(spawner)
 
@@ -363,9 +378,11 @@ class Roles:
         words = record.get("arguments", ())
         manager = value_of(words, "-c", "--controller-manager") or _MANAGER
         with_value = ("-c", "--controller-manager", "--controller-manager-timeout")
-        state = "active" if "--activate" in words else "inactive"
+        states = {"--activate": "active", "--configure": "inactive"}
+        state = next((states[word] for word in words if word in states), "")
         names = positional(words, with_value)
-        self._set_hardware(names, state, join_names(record["namespace"], manager))
+        manager = join_names(record["namespace"], manager)
+        self._set_hardware(names, state, manager, record)
 
     def _read_server(self, record: Mapping[str, Any]) -> None:
         values = _merge(record)

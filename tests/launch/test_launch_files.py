@@ -200,6 +200,31 @@ def test_a_state_of_hardware_that_is_not_taken_is_reported(package: Path) -> Non
     ]
 
 
+def test_a_state_of_hardware_that_there_is_none_of_is_reported(package: Path) -> None:
+    path = describe(
+        package,
+        """
+        publisher(), manager(),
+        ExecuteProcess(cmd=["ros2", "control", "set_hardware_component_state",
+                            "pendulum", "inactive"]),
+        ExecuteProcess(cmd=["ros2", "control", "set_hardware_component_state",
+                            "pendulum", "on"]),
+        *(Node(package="controller_manager", executable="hardware_spawner",
+               arguments=words) for words in (["pendulum"], ["--activate"])),
+        """,
+    )
+
+    plan = ad.load_launch(path)
+
+    assert plan.robots[0].hardware == {"pendulum": "inactive"}
+    done = "it has no effect; expected names and one of unconfigured, inactive, active"
+    assert [str(entry) for entry in plan.report] == [
+        f"warning: {path}: hardware components 'pendulum' are set on; {done}",
+        f"warning: {path}: hardware components 'pendulum' are set no state; {done}",
+        f"warning: {path}: hardware components without names are set active; {done}",
+    ]
+
+
 @pytest.mark.slow
 def test_hardware_of_a_manager_that_is_not_started_is_reported(package: Path) -> None:
     path = describe(
