@@ -240,15 +240,11 @@ def add_springs(
 ) -> tuple[JointInfo, ...]:
     """Return the joints, with the springs that `<gazebo>` tags put on them."""
     found = {joint.name: joint for joint in joints}
-    # One tag may have the stiffness, and another one where the spring rests.
-    tags: dict[str, dict[str, ET.Element]] = {}
     for gazebo in root.iterfind("gazebo"):
-        own = {child.tag: child for child in gazebo if child.tag in _SPRING}
-        tags.setdefault(attribute(gazebo, "reference"), {}).update(own)
-    for name, of_joint in tags.items():
-        _, stiff, reference = map(of_joint.get, _SPRING)
+        _, stiff, reference = (gazebo.find(tag) for tag in _SPRING)
         if stiff is None:
             continue
+        name = attribute(gazebo, "reference")
         reader = ElementReader(f"joint {name!r}", report, file)
         joint, done = found.get(name), "it has no effect"
         if joint is None:

@@ -292,13 +292,6 @@ def test_an_empty_tag_that_could_hold_others_is_no_unknown_one() -> None:
             Spring(40.0, 0.3),
             [],
         ),
-        (
-            "j",
-            '<springReference>0.3</springReference></gazebo><gazebo reference="j">'
-            "<springStiffness>40</springStiffness>",
-            Spring(40.0, 0.3),
-            [],
-        ),
         ("j", "<springReference>0.3</springReference>", None, []),
         ("j", "<springStiffness>0</springStiffness>", None, []),
         (
