@@ -23,6 +23,7 @@ import io
 import json
 import os
 import resource
+import signal
 import sys
 import tempfile
 import types
@@ -565,8 +566,8 @@ class _Watch:
                 self._check("changes", path)
 
     def _check(self, what: str, path: Any) -> None:
-        if isinstance(path, int):
-            return
+        if isinstance(path, int):  # An open file, which may be one that is only read.
+            path = f"/proc/self/fd/{path}"
         full = os.path.realpath(os.fsdecode(path))
         if os.path.commonpath([full, self._folder]) != self._folder:
             self.refuse(what, full)
@@ -677,6 +678,8 @@ def _seal(watch: _Watch) -> None:
     for name in ("mkfifo", "mknod"):
         for module in (os, sys.modules.get("posix", os)):
             vars(module)[name] = functools.partial(watch.refuse, "changes")
+    for module in (signal, sys.modules.get("_signal", signal)):
+        vars(module)["pidfd_send_signal"] = lambda *args: watch("os.kill", ())
     sys.addaudithook(watch)
 
 

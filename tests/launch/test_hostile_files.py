@@ -134,6 +134,12 @@ def test_what_is_wrong_in_yaml_is_reported(
         ("import shutil; shutil.rmtree('{folder}')", "it changes: {folder}"),
         ("os.symlink('{kept}', '{file}')", "it changes: {file}"),
         ("os.kill(os.getppid(), 9)", "it sends a signal"),
+        (
+            "from signal import *; pidfd_send_signal(os.pidfd_open(os.getppid()), 0)",
+            "it sends a signal",
+        ),
+        ("file = open('{kept}'); os.fchmod(file.fileno(), 0)", "changes: {kept}"),
+        ("os.utime(os.open('{above}', os.O_RDONLY), (1, 1))", "it changes: {above}"),
         ("import socket; socket.socket()", "it opens a connection"),
         (
             "import urllib.request; urllib.request.urlopen('http://localhost:9')",
@@ -158,6 +164,7 @@ def test_what_would_change_the_machine_is_refused(
 ) -> None:
     kept, file = tmp_path / "kept", tmp_path / "made"
     kept.write_text("as it was")
+    mode = kept.stat().st_mode
     places = {"file": file, "kept": kept, "folder": package, "above": tmp_path}
     path = describe(package, "", before=code.format(**places))
 
@@ -165,6 +172,7 @@ def test_what_would_change_the_machine_is_refused(
 
     assert expected.format(**places) in told
     assert told.startswith(str(path))
+    assert kept.stat().st_mode == mode
     assert kept.read_text() == "as it was"
     assert not file.exists()
     assert path.is_file()
