@@ -60,7 +60,14 @@ from arm_drake.environments.environment import (
 )
 from arm_drake.errors import (
     ArmDrakeError as ArmDrakeError,
+    DescriptionError as DescriptionError,
+    InputError as InputError,
+    MissingExtraError as MissingExtraError,
+    MotionError as MotionError,
+    OutputError as OutputError,
+    PackageError as PackageError,
     ParameterError as ParameterError,
+    SimulationError as SimulationError,
 )
 from arm_drake.loading import load_robot as load_robot
 from arm_drake.messages import (

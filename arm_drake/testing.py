@@ -37,7 +37,8 @@ def assert_success_rate(
         at_least: The rate, between 0 and 1.
         confidence: That the rate is so high if it passes.
         succeeds: Whether what a run gave is a success; by default that nothing failed
-            in an Outcome, else that it is true. A run that raises has failed.
+            in an Outcome and all its goals ended, else that it is true. A run that
+            raises has failed.
         how: What else `run_many` takes: `workers`, `on`, `to`, `time_limit` and so on.
 
     Raises:
@@ -81,7 +82,9 @@ def _succeeded(result: RunResult[Any], succeeds: Callable[[Any], bool] | None) -
     if succeeds is not None:
         return bool(succeeds(result.value))
     value = result.value
-    return not value.failures if isinstance(value, Outcome) else bool(value)
+    if isinstance(value, Outcome):
+        return not (value.failures or value.unfinished)
+    return bool(value)
 
 
 def _find_needed(at_least: float, confidence: float) -> int:
@@ -120,6 +123,6 @@ def _reason(result: RunResult[Any]) -> str:
     if result.error is not None:
         return describe(result.error)
     value = result.value
-    if isinstance(value, Outcome) and value.failures:
-        return value.failures[0]
+    if isinstance(value, Outcome) and (value.failures or value.unfinished):
+        return (*value.failures, *value.unfinished)[0]
     return f"it gave {value!r:.60}"

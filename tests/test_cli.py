@@ -375,7 +375,9 @@ def test_on_a_terminal_a_line_shows_the_largest_error_of_the_last_second(
         "sim", "doosan_a0912", "--motion", "tutorial", "--headless", "--duration", 3.5
     )
 
-    lines = re.findall(r"\r\033\[K +(\d+\.\d+) s  (?:\S+ error (\S+) mrad)?", err)
+    lines = re.findall(
+        r"\r\033\[K +(\d+\.\d+) s  (?:\S+ tracking error (\S+) mrad)?", err
+    )
     shown = {float(time): error for time, error in lines}
     # The motion ends with its largest error at 2.03 s.
     assert {shown[round(0.1 * k, 1)] for k in range(20)} == {""}
@@ -407,7 +409,7 @@ def test_errors_of_sliding_joints_are_in_millimetres(run, tmp_path):
         "sim", file, "--controllers", controllers, "--headless", "--motion", goal
     )
 
-    assert re.fullmatch(rf".* s  {JTC}: error \d+\.\d mm\n", err)
+    assert re.fullmatch(rf".* s  {JTC}: tracking error \d+\.\d mm\n", err)
 
 
 @pytest.mark.slow
@@ -981,9 +983,21 @@ def test_a_goal_beyond_the_limits_is_warned_of_once(run, tmp_path):
 
 
 @pytest.mark.slow
+def test_sim_exits_with_1_when_a_goal_does_not_end(run):
+    # Without an upper bound of its time, a goal that isn't reached goes on.
+    command = ("sim", "doosan_a0912", "--motion", "tutorial", "--headless")
+
+    code, _, err = run(*command, "--payload", "link6=200")
+
+    assert code == 1
+    assert "goal is still EXECUTING" in err
+    assert run(*command, "--payload", "link6=200", "--duration", "1")[0] == 0
+
+
+@pytest.mark.slow
 def test_payloads_are_confirmed(run):
     command = ("sim", "doosan_a0912", "--headless", "--duration", "0.01")
 
     _, out, _ = run(*command, "--payload", "link6=2.0")
 
-    assert "payload: 2 kg on link6" in out.splitlines()
+    assert "payload: 2 kg on link6, at its origin" in out.splitlines()

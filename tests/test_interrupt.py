@@ -85,7 +85,7 @@ STATES = {
     "sim, motion": State(
         (*SIM, *TUTORIAL, *LOG, "--record", "FOLDER/run.html"),
         # It is on its way to the goal.
-        AFTER_A_SECOND + r"\S+: error",
+        AFTER_A_SECOND + r"\S+: tracking error",
         files=("run.npz", "run.html"),
     ),
     "sim, holding": State(

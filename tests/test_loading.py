@@ -700,6 +700,20 @@ def test_of_two_files_the_one_with_controllers_of_the_joints_is_taken(package, o
     ]
 
 
+def test_a_file_whose_joints_a_launch_file_names_is_a_candidate(package):
+    hardware = '<ros2_control name="h" type="system"><joint name="j"/></ros2_control>'
+    arm_with(package, hardware)
+    file = write(
+        package / "config" / "c.yaml",
+        "arm: {ros__parameters: {type: joint_trajectory_controller/"
+        "JointTrajectoryController, joints: [$(var prefix)1]}}",
+    )
+
+    (line,) = (line for line in lines(ad.load_robot(package)) if "candidates" in line)
+
+    assert f"candidates: {file}; no controller runs" in line
+
+
 @pytest.mark.parametrize("uri", ["nope.yaml", ".", "file:///nope/%20.yaml", "n" * 5000])
 def test_a_missing_parameters_file_is_reported(package, uri):
     file = arm_with(package, plugin(uri))

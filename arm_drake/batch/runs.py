@@ -40,7 +40,7 @@ from arm_drake.simulation.motion_files import (
     MotionSource,
     find_motion,
 )
-from arm_drake.simulation.recording import list_failures
+from arm_drake.simulation.recording import list_failures, list_unfinished
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.worlds.world import World
 
@@ -213,6 +213,9 @@ class Outcome:
     # What of the first robot was not taken as written.
     report: LoadReport
 
+    # A line for each goal that had not ended when the run did.
+    unfinished: tuple[str, ...] = ()
+
     @property
     def rollout(self) -> Rollout:
         """Rollout of the first robot."""
@@ -226,6 +229,7 @@ class Outcome:
             tuple(GoalOutcome.of(goal) for goal in simulation.goals),
             tuple(list_failures(simulation.mailbox)),
             simulation.report,
+            tuple(list_unfinished(simulation.mailbox)),
         )
 
 

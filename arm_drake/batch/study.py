@@ -47,7 +47,7 @@ from arm_drake.scene import (
     read_robot,
     read_world,
 )
-from arm_drake.simulation.recording import list_failures
+from arm_drake.simulation.recording import list_failures, list_unfinished
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.worlds.world import load_world
 
@@ -479,8 +479,10 @@ class Measures:
         return tuple(name for name, _ in self._measures)
 
     def __call__(self, simulation: Simulation) -> dict[str, float]:
-        """Return numbers by name; `success` is 1 if nothing failed, else 0."""
-        found = {"success": float(not list_failures(simulation.mailbox))}
+        """Return numbers by name; `success` is 1 if all goals ended well, else 0."""
+        mailbox = simulation.mailbox
+        failed = list_failures(mailbox) + list_unfinished(mailbox)
+        found = {"success": float(not failed)}
         for name, how in self._measures:
             try:
                 if isinstance(how, bytes):

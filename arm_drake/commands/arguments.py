@@ -185,7 +185,12 @@ def add_server_arguments(parser: argparse.ArgumentParser) -> None:
 def add_plot_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of a plot of a rollout."""
     add = parser.add_argument
-    add("--plot", metavar="FILE.png", type=Path, help="draw reference and measurement")
+    add(
+        "--plot",
+        metavar="FILE.png",
+        type=Path,
+        help="draw what was measured, one picture of all joints (.png, .svg or .pdf)",
+    )
     add(
         "--plot-kind",
         metavar="KIND",

@@ -62,8 +62,9 @@ class Speaker:
         self._errors = ""
         self._unprinted: dict[str, float] = {}
         self._controllers = ""
-        # What ended the simulation before its end.
+        # What ended the simulation before its end, and whether that was Ctrl-C.
         self.failures: list[str] = []
+        self.is_stopped = False
 
     def line(self, text: str) -> None:
         """Print a line, if it isn't empty."""
@@ -107,7 +108,7 @@ class Speaker:
     def _print_errors(self, simulated: float) -> None:
         """Print the largest errors of goals since they were printed last."""
         self._errors = ", ".join(
-            f"{name}: error {error}"
+            f"{name}: tracking error {error}"
             for name, since in self._unprinted.items()
             if (error := self._describe_error(name, since))
         )

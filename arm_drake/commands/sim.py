@@ -52,7 +52,11 @@ from arm_drake.simulation.playback import (
     check_trajectories,
     list_beyond_limits,
 )
-from arm_drake.simulation.recording import find_build_info, list_failures
+from arm_drake.simulation.recording import (
+    find_build_info,
+    list_failures,
+    list_unfinished,
+)
 from arm_drake.simulation.simulation import Simulation
 from arm_drake.visualization.drawing import run_drawing
 from arm_drake.visualization.recording import start_recording
@@ -473,6 +477,7 @@ def _measure(run: Callable[[], None], simulation: Simulation, say: Speaker) -> f
         run()
     except KeyboardInterrupt:  # What was simulated is kept.
         say.line(f"stopped at {simulation.time:.2f} s")
+        say.is_stopped = True
     except SimulationError as error:  # So it is.
         say.failures.append(str(error))
     return time.perf_counter() - start
@@ -570,7 +575,9 @@ def _prepare(
             print(f"warning: {line}", file=sys.stderr)
     for link, payload in scene.payloads.items():
         mass = payload if isinstance(payload, float | int) else payload.mass
-        say.line(f"payload: {mass:g} kg on {link}")
+        com = (0.0, 0.0, 0.0) if isinstance(payload, float | int) else payload.com
+        place = "its origin" if not any(com) else f"{list(com)} m from its origin"
+        say.line(f"payload: {mass:g} kg on {link}, at {place}")
     build = find_build_info(simulation.diagram)
     if build is not None and build.options.leaves_out:
         say.line(f"preset {build.options.preset}: {build.options.leaves_out}")
@@ -604,6 +611,9 @@ def _finish(
     write_outputs(rollout, options, meshcat, say, *robots.values())
     write_images(simulation, options, say)
     failures = [*list_failures(simulation.mailbox), *say.failures]
+    is_cut = options.duration is not None or options.inputs is not None
+    if options.headless and not (is_cut or say.is_stopped):
+        failures += list_unfinished(simulation.mailbox)
     if options.json:
         print(
             json.dumps(summarize(simulation, saturation, wall_time, failures)),

@@ -127,11 +127,8 @@ def _controllers_in_package(
     description: RobotDescription, packages: PackageFinder, report: LoadReport
 ) -> list[Path] | None:
     """Return the controllers YAML in the package's config folder, if there is one."""
-    candidates = [
-        path
-        for path in files_in_config(description.file, packages)
-        if _has_controllers(path)
-    ]
+    in_config = files_in_config(description.file, packages)
+    candidates = list(filter(_has_controllers, in_config))
     # Types in a section for all nodes may be of something else.
     candidates = list(filter(_has_manager, candidates)) or candidates
     others = candidates
@@ -162,7 +159,12 @@ def _controllers_in_package(
         return candidates
     if not candidates and not description.hardware:
         return None
-    listed = ", ".join(map(str, candidates or _candidates(description, packages)))
+    if not candidates:
+        # Such as one whose joints have a prefix that a launch file fills in.
+        own = list(filter(_has_types, in_config))
+        around = dict.fromkeys([*own, *_candidates(description, packages)])
+        candidates = list(around)[:_MAX_CANDIDATES]
+    listed = ", ".join(map(str, candidates))
     what = f"the description names no controllers YAML; candidates: {listed or 'none'}"
     done = "no controller runs; --controllers FILE gives one"
     report.add("warning", "missing", what, done, file=description.file)
@@ -191,6 +193,11 @@ def _has_controllers(path: Path) -> bool:
     text = text_of(path)
     is_for_all = _FOR_ALL.search(text) is not None and _TYPE.search(text) is not None
     return PARAMETERS in text and (_has_manager(path) or is_for_all)
+
+
+def _has_types(path: Path) -> bool:
+    text = text_of(path)
+    return PARAMETERS in text and _TYPE.search(text) is not None
 
 
 def _has_manager(path: Path) -> bool:

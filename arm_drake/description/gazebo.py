@@ -36,7 +36,7 @@ from arm_drake.description.gazebo_plugins import (
     VelocityControl,
     WheelDrive,
 )
-from arm_drake.description.joints import JointInfo, Mimic, Spring
+from arm_drake.description.joints import JointInfo, Mimic
 from arm_drake.description.report import LoadReport
 from arm_drake.errors import MISSPELT, find_close, suggest
 from arm_drake.importing import dataclass
@@ -68,9 +68,6 @@ KEEPING = ("preserveFixedJoint", "disableFixedJointLumping")
 
 # Tags of a link that say whether gravity acts on it, with what they usually say.
 _WEIGHT: Mapping[str, bool] = {"gravity": True, "turnGravityOff": False}
-
-# Tags of a joint that put a spring on it, in Gazebo Classic with the first one.
-_SPRING = ("implicitSpringDamper", "springStiffness", "springReference")
 
 # The plugin of RealSense's maker for its cameras, and Gazebo's own for IMUs.
 _REALSENSE = "realsense_gazebo_plugin"
@@ -235,40 +232,6 @@ def add_mimics(
     return tuple(found.values())
 
 
-def add_springs(
-    joints: Sequence[JointInfo], root: ET.Element, report: LoadReport, file: Path
-) -> tuple[JointInfo, ...]:
-    """Return the joints, with the springs that `<gazebo>` tags put on them."""
-    found = {joint.name: joint for joint in joints}
-    # One tag may have the stiffness, and another one where the spring rests.
-    tags: dict[str, dict[str, ET.Element]] = {}
-    for gazebo in root.iterfind("gazebo"):
-        own = {child.tag: child for child in gazebo if child.tag in _SPRING}
-        tags.setdefault(attribute(gazebo, "reference"), {}).update(own)
-    for name, of_joint in tags.items():
-        _, stiff, reference = map(of_joint.get, _SPRING)
-        if stiff is None:
-            continue
-        reader = ElementReader(f"joint {name!r}", report, file)
-        joint, done = found.get(name), "it has no effect"
-        if joint is None:
-            what = f"<springStiffness> of no joint; {suggest(name, found)}"
-            reader.note("warning", "ignored", what, done)
-            continue
-        stiffness = reader.finite(_value(stiff), "springStiffness") or 0.0
-        rest = "0" if reference is None else _value(reference)
-        position = reader.finite(rest, "springReference") or 0.0
-        if stiffness < 0.0:
-            what = f"springStiffness {stiffness:g} is negative"
-            reader.note("warning", "invalid", what, done)
-        elif stiffness and not joint.is_movable:
-            what = f"<springStiffness> of a {joint.type} joint"
-            reader.note("warning", "unsupported", what, done)
-        elif stiffness:
-            found[name] = dc.replace(joint, spring=Spring(stiffness, position))
-    return tuple(found.values())
-
-
 def report_gazebo(
     root: ET.Element,
     report: LoadReport,
@@ -308,7 +271,7 @@ def report_gazebo(
         for gazebo in root.iterfind("gazebo")
         for child in gazebo
         # Friction and links that stay apart have an effect, sensors their own lines.
-        if child.tag not in ("plugin", "mu1", "sensor", *KEEPING, *_WEIGHT, *_SPRING)
+        if child.tag not in ("plugin", "mu1", "sensor", *KEEPING, *_WEIGHT)
         and not _states_friction(child)
     )
     for sort, counts in (("Gazebo plugins", plugins), ("<gazebo> tags", tags)):

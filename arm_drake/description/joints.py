@@ -12,7 +12,6 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -92,17 +91,6 @@ class Mimic:
 
 
 @dataclass(frozen=True)
-class Spring:
-    """Spring along a joint: effort = stiffness * (reference - position)."""
-
-    # [N·m/rad] or [N/m].
-    stiffness: float
-
-    # Where it is at rest [rad] or [m].
-    reference: float = 0.0
-
-
-@dataclass(frozen=True)
 class SafetyController:
     """`<safety_controller>` of a joint; the lower and upper limit as urdfdom has them.
 
@@ -140,9 +128,6 @@ class JointInfo:
     friction: float = 0.0
 
     mimic: Mimic | None = None
-
-    # Of a `<gazebo>` tag, for a URDF has none.
-    spring: Spring | None = None
 
     safety_controller: SafetyController | None = None
 
@@ -475,7 +460,7 @@ def _report_lacking(
 
 def _dynamics(
     element: ET.Element | None, file: Path, where: str, reader: ElementReader
-) -> dict[str, Any]:
+) -> dict[str, float]:
     """Return damping and friction; a negative one would drive the joint."""
     found = {}
     for name in ("damping", "friction"):
@@ -539,7 +524,7 @@ def _limit(element: ET.Element, attribute: str, reader: ElementReader) -> float:
 def write_joint(joint: JointInfo) -> str:
     """Return a joint as URDF, as Drake takes it.
 
-    Its friction is left out, which is modelled beside the plant, and its spring.
+    Its friction is left out, which is modelled beside the plant.
     """
     name = quote_attribute(joint.name)
     parent, child = map(quote_attribute, (joint.parent, joint.child))

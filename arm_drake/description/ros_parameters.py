@@ -420,7 +420,14 @@ class _File:
     def _walk(self, node: yaml.Node, path: str) -> None:
         """Collect the sections below a node key, nested name spaces included."""
         if not isinstance(node, yaml.MappingNode):
-            raise self._misplaced(node, f"a mapping that ends in {PARAMETERS!r}", path)
+            above, _, last = path.strip("/").rpartition("/")
+            lost = f"; or is {PARAMETERS!r} missing between {above!r} and {last!r}?"
+            raise self._misplaced(
+                node,
+                f"a mapping that ends in {PARAMETERS!r}",
+                path,
+                lost if above else "",
+            )
         check_tag(node)
         for key, value in yaml_files.items(node):
             if self._is_parameters(key, value, path):
@@ -508,8 +515,10 @@ class _File:
                 raise self._misplaced(item, expected, where)
         return values
 
-    def _misplaced(self, node: yaml.Node, expected: str, where: str) -> ParameterError:
-        problem = f"expected {expected}, got {_SHORT.repr(_plain(node))}"
+    def _misplaced(
+        self, node: yaml.Node, expected: str, where: str, hint: str = ""
+    ) -> ParameterError:
+        problem = f"expected {expected}, got {_SHORT.repr(_plain(node))}{hint}"
         place, line = where.lstrip("/"), node.start_mark.line + 1
         return ParameterError(problem, file=self._file, line=line, where=place)
 

@@ -426,7 +426,6 @@ class _Model:
             ET.SubElement(kept, "preserveFixedJoint").text = "true"
         else:
             self._write_axis(written, joint)
-            _write_spring(robot, name, joint.find("axis/dynamics"))
         for sensor in joint.findall("sensor"):
             gazebo = ET.SubElement(robot, "gazebo", reference=name)
             gazebo.append(copy.deepcopy(sensor))
@@ -464,6 +463,9 @@ class _Model:
         if written.get("type") != "continuous" or min(limits.values()) < math.inf:
             limit = {key: _words((value,)) for key, value in limits.items()}
             ET.SubElement(written, "limit", limit)
+        if parse_number(text_of(axis, "dynamics/spring_stiffness")):
+            what, done = "<spring_stiffness> of the axis", "it is left out"
+            self._note("warning", "unsupported", what, done, joint)
         dynamics = {
             key: text
             for key in ("damping", "friction")
@@ -535,16 +537,6 @@ def _rotation_of(quaternion: Array) -> Array:
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
         ]
     )
-
-
-def _write_spring(robot: ET.Element, name: str, dynamics: ET.Element | None) -> None:
-    """Write the spring of a joint as URDF files have it."""
-    stiffness = text_of(dynamics, "spring_stiffness")
-    if parse_number(stiffness):
-        gazebo = ET.SubElement(robot, "gazebo", reference=name)
-        ET.SubElement(gazebo, "springStiffness").text = stiffness
-        reference = text_of(dynamics, "spring_reference") or "0"
-        ET.SubElement(gazebo, "springReference").text = reference
 
 
 def _write_origin(part: ET.Element, X: Transform) -> None:

@@ -17,7 +17,6 @@ from arm_drake.description.elements import parse_xml, quote_attribute
 from arm_drake.description.gazebo import (
     GazeboPlugin,
     add_mimics,
-    add_springs,
     read_friction,
     read_gazebo_plugins,
     read_joint_plugins,
@@ -258,7 +257,6 @@ def parse_urdf(
     hardware = read_hardware(root, names, report, file)
     joints = find_mimics(joints, hardware, report, file)
     joints = fit_mimic_limits(joints, file, report)
-    joints = add_springs(joints, root, report, file)
     report_hardware(hardware, report, file)
     sensors, seeing = _read_sensors(root, links, joints, hardware, report, file)
     report_unread(root, file, report)

@@ -191,7 +191,7 @@ def _read(
     for name in values:
         # What isn't declared, but asked for, has its effect in ROS, too.
         if name not in declared and name not in answer["asked"]:
-            hint = suggest(name, declared or known)
+            hint = suggest(name, declared or known - set(values))
             what = f"no launch argument {name!r}; {hint}"
             report.add("warning", "ignored", what, "it may have no effect", file=path)
     for text in dict.fromkeys(answer["refused"]):

@@ -34,9 +34,7 @@ from pydrake.multibody.tree import (
     JointActuator,
     ModelInstanceIndex,
     PrismaticJoint,
-    PrismaticSpring,
     RevoluteJoint,
-    RevoluteSpring,
     SpatialInertia,
 )
 from pydrake.systems.framework import DiagramBuilder
@@ -182,40 +180,11 @@ def add_robot_model(
         raise DescriptionError(
             f"Drake refuses the description: {problem}", file=description.file
         ) from None
-    if not is_reduced:
-        _add_springs(plant, model, joints)
     if report is not None:
         for message in messages:  # Its place is one in our text, not in the file.
             what, file = message.partition("warning: ")[2] or message, description.file
             report.add("warning", "ignored", what, "so says Drake", file=file)
     return model
-
-
-def _add_springs(
-    plant: MultibodyPlant, model: ModelInstanceIndex, joints: Iterable[JointInfo]
-) -> None:
-    """Add the springs of joints to a plant that isn't finalized.
-
-    Drake takes a spring's effort at the start of a step h, which is stable while
-    k h^2 < 4 m. From a sixteenth of that on k h is added to the damping, which is
-    taken at its end: the spring's effort k (q0 - q - h v) is that at the end, too.
-    """
-    for info in joints:
-        if info.spring is None:
-            continue
-        joint = plant.GetJointByName(info.name, model)
-        k, q0 = info.spring.stiffness, info.spring.reference
-        inertia = joint.child_body().default_spatial_inertia()
-        if isinstance(joint, RevoluteJoint):
-            spring: Any = RevoluteSpring(joint, q0, k)
-            axis = joint.revolute_axis()  # Through the origin of the child link.
-            mass = axis @ inertia.CalcRotationalInertia().CopyToFullMatrix3() @ axis
-        else:
-            spring, mass = PrismaticSpring(joint, q0, k), inertia.get_mass()
-        plant.AddForceElement(spring)
-        step = plant.time_step()
-        if k * step**2 > mass / 4.0:
-            joint.set_default_damping(info.damping + k * step)
 
 
 def make_reduced_plant(

@@ -421,13 +421,26 @@ _done: "weakref.WeakKeyDictionary[GoalHandle, GoalRecord]" = weakref.WeakKeyDict
 
 def list_failures(mailbox: Mailbox) -> list[str]:
     """Return a line for all that failed: goals, messages, switches, controllers."""
-    lines = []
-    for goal in mailbox.goals:
-        if goal.status in _FAILED and not goal.is_part:
-            place = f"{goal.where}: " if goal.where else ""
-            lines.append(f"{place}{goal.controller}: goal {goal.describe()}")
+    lines = [
+        f"{_place(goal)}: goal {goal.describe()}"
+        for goal in mailbox.goals
+        if goal.status in _FAILED and not goal.is_part
+    ]
     events = (*mailbox.rejected, *mailbox.failures)
     return lines + [mailbox.describe(event) for event in events]
+
+
+def list_unfinished(mailbox: Mailbox) -> list[str]:
+    """Return a line for each goal that has not ended."""
+    return [
+        f"{_place(goal)}: goal is still {goal.status.value}"
+        for goal in mailbox.goals
+        if not (goal.status.is_terminal or goal.is_part)
+    ]
+
+
+def _place(goal: GoalHandle) -> str:
+    return f"{goal.where}: {goal.controller}" if goal.where else goal.controller
 
 
 def collect_rollout(

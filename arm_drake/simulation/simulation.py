@@ -359,7 +359,10 @@ class Simulation:
 
     @property
     def failures(self) -> list[Failure]:
-        """Controllers that failed, and switches that were refused, in order."""
+        """Controllers that failed, and switches that were refused, in order.
+
+        Goals aren't among them: each of `goals` has its status.
+        """
         return self.mailbox.failures
 
     @property

@@ -299,6 +299,18 @@ def test_a_rate_that_is_not_shown_fails_as_soon_as_that_is_known() -> None:
     assert "run 0 (0): it gave None" in text
 
 
+@pytest.mark.slow
+def test_a_run_whose_goal_did_not_end_is_no_success() -> None:
+    run = ad.Run(robot="doosan_a0912", motion="tutorial", duration=1.0)
+    (result,) = ad.run_many([run], backend="serial")
+    assert result.value.failures == ()
+    (line,) = result.value.unfinished
+    assert line.endswith("joint_trajectory_controller: goal is still EXECUTING")
+
+    with pytest.raises(AssertionError, match="goal is still EXECUTING"):
+        ad.testing.assert_success_rate([run] * 3, at_least=0.5, backend="serial")
+
+
 def test_too_few_runs_are_told_how_many_it_takes() -> None:
     with pytest.raises(InputError) as caught:
         ad.testing.assert_success_rate(range(20), bool, at_least=0.99)

@@ -524,7 +524,7 @@ def test_parameters_without_a_node_are_taken_for_every_node(load):
         (
             f"{MANAGER}arm:\n  joints: [a]\n",
             "0.yaml:6: arm/joints: expected a mapping that ends in 'ros__parameters', "
-            "got ['a']",
+            "got ['a']; or is 'ros__parameters' missing between 'arm' and 'joints'?",
         ),
         (
             f"{MANAGER}arm: 5\n",

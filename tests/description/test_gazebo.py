@@ -7,14 +7,12 @@ import pytest
 
 from arm_drake.description.gazebo import (
     GazeboPlugin,
-    add_springs,
     read_friction,
     read_gazebo_plugins,
     read_joint_plugins,
     report_gazebo,
 )
 from arm_drake.description.gazebo_plugins import Ros2ControlPlugin
-from arm_drake.description.joints import JointInfo, Spring
 from arm_drake.description.report import LoadReport
 
 
@@ -280,73 +278,3 @@ def test_an_empty_tag_that_could_hold_others_is_no_unknown_one() -> None:
     read_joint_plugins([plugin], ["a", "b"], report, Path("arm.urdf"))
 
     assert [entry.what for entry in report] == ["unknown tags: rose"]
-
-
-@pytest.mark.parametrize(
-    ("reference", "tags", "spring", "lines"),
-    [
-        ("j", "<springStiffness>40</springStiffness>", Spring(40.0), []),
-        (
-            "j",
-            '<springStiffness value="40"/><springReference>0.3</springReference>',
-            Spring(40.0, 0.3),
-            [],
-        ),
-        (
-            "j",
-            '<springReference>0.3</springReference></gazebo><gazebo reference="j">'
-            "<springStiffness>40</springStiffness>",
-            Spring(40.0, 0.3),
-            [],
-        ),
-        ("j", "<springReference>0.3</springReference>", None, []),
-        ("j", "<springStiffness>0</springStiffness>", None, []),
-        (
-            "j",
-            "<springStiffness>-1</springStiffness>",
-            None,
-            ["joint 'j': springStiffness -1 is negative; it has no effect"],
-        ),
-        (
-            "j",
-            "<springStiffness>much</springStiffness>",
-            None,
-            [
-                "joint 'j': springStiffness: expected a number, got 'much'; taken as "
-                "not given"
-            ],
-        ),
-        (
-            "f",
-            "<springStiffness>1</springStiffness>",
-            None,
-            ["joint 'f': <springStiffness> of a fixed joint; it has no effect"],
-        ),
-        (
-            "i",
-            "<springStiffness>1</springStiffness>",
-            None,
-            ["joint 'i': <springStiffness> of no joint; known: f, j; it has no effect"],
-        ),
-    ],
-)
-def test_a_joint_has_the_spring_of_its_tag(reference, tags, spring, lines) -> None:
-    report = LoadReport()
-    root = ET.XML(f'<robot><gazebo reference="{reference}">{tags}</gazebo></robot>')
-    joints = [JointInfo("j", "revolute", "a", "b"), JointInfo("f", "fixed", "b", "c")]
-
-    found = add_springs(joints, root, report, Path("arm.urdf"))
-
-    assert [joint.spring for joint in found] == [spring, None]
-    assert [str(entry) for entry in report] == [
-        f"warning: arm.urdf: {line}" for line in lines
-    ]
-
-
-def test_a_spring_is_no_tag_without_effect() -> None:
-    tags = "".join(
-        f"<{tag}>1</{tag}>"
-        for tag in ("implicitSpringDamper", "springStiffness", "springReference")
-    )
-
-    assert lines_of(f'<gazebo reference="j">{tags}</gazebo>') == []

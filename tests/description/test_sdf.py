@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import arm_drake as ad
-from arm_drake.description.joints import Spring
 from arm_drake.description.report import LoadReport
 from arm_drake.description.sdf import convert_sdf, is_sdf
 from arm_drake.errors import DescriptionError
@@ -287,29 +286,20 @@ def test_a_file_needs_a_version(tmp_path: Path, version: str, found: str) -> Non
     assert str(caught.value) == f"{tmp_path}/model.sdf: {expected}"
 
 
-def test_a_joint_has_the_spring_of_its_axis(tmp_path: Path) -> None:
-    spring = "<spring_stiffness>3</spring_stiffness>"
-    spring += "<spring_reference>0.5</spring_reference>"
-
-    (joint,) = load(
-        tmp_path, SLIDE.format(f"<dynamics>{spring}</dynamics>")
-    ).description.joints
-
-    assert joint.spring == Spring(3.0, 0.5)
-
-
-def test_further_models_and_lost_shapes_are_told(tmp_path: Path) -> None:
+def test_further_models_springs_and_lost_shapes_are_told(tmp_path: Path) -> None:
     shape = "<collision name='c'><geometry><plane/></geometry></collision>"
-    model = SLIDE.format("").replace('name="a"/>', f'name="a">{shape}</link>')
+    stiff = "<dynamics><spring_stiffness>3</spring_stiffness></dynamics>"
+    model = SLIDE.format(stiff).replace('name="a"/>', f'name="a">{shape}</link>')
 
     found = [
         str(entry).replace(f"{tmp_path}/model.sdf: ", "")
         for entry in load(tmp_path, f'{model}<model name="n"/>').report
     ]
 
-    assert found[:2] == [
+    assert found[:3] == [
         "warning: models 'n'; the file's first, 'm', is the robot",
         "error: link 'a': geometry <plane> of collision 'c'; it is left out",
+        "warning: joint 'j': <spring_stiffness> of the axis; it is left out",
     ]
 
 
