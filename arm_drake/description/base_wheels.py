@@ -144,13 +144,18 @@ def _bases_by_parameters(
         tuple(n for n in dict.fromkeys(texts_of(controller, *names)) if n in joints)
         for names in parameters
     )
-    frame = controller.parameters.get("base_frame_id")
+    frame = next(
+        (controller.parameters[n] for n in _FRAMES if n in controller.parameters), None
+    )
     link = "base_link" if frame is None else str(frame.value)
     if link not in description.links:
         link = description.base
     slants, radius = _rollers_by_parameters(controller, len(driven))
     yield MobileBase(controller.name, driven, steered, link, slants, radius)
 
+
+# Parameters with the frame of the base.
+_FRAMES: Final = ("base_frame_id", "base_footprint")
 
 # The part of a wheel's axis that may point up: a cosine.
 _LEVEL = 0.1
