@@ -347,3 +347,31 @@ def test_a_base_with_steered_wheels_goes_where_it_is_told(
     odom = base.sim.topic("/drive/odom").value().pose.pose.position
     truth = base.value("drive.ground_truth").pose.pose.position
     assert math.hypot(odom.x - truth.x, odom.y - truth.y) < 0.02
+
+
+def test_an_omni_base_whose_wheels_have_pids_is_driven_from_the_start(
+    tmp_path: Path,
+) -> None:
+    urdf, yaml = omni()
+    joints = [f"wheel{number}_joint" for number in range(3)]
+    gains = ", ".join(f"{j}: {{p: 0.2, i: 20.0, i_clamp: 20.0}}" for j in joints)
+    wheels = yaml.replace("[wheel", "[pid/wheel").replace(", wheel", ", pid/wheel")
+    pids = f"""    position_feedback: false
+pid:
+  ros__parameters:
+    dof_names: [{", ".join(joints)}]
+    command_interface: velocity
+    reference_and_state_interfaces: [velocity]
+    gains: {{{gains}}}
+"""
+    loaded = "    pid: {type: pid_controller/PidController}\n    drive:"
+    wheels = wheels.replace("    drive:", loaded)
+    base = Base(tmp_path, (urdf, wheels + pids))
+    start = base.pose
+
+    base.drive(0.0, 0.2, 0.0, 2.0)
+
+    assert {c.state for c in base.sim.list_controllers()} == {"active"}
+    way = (start.inverse() @ base.pose).translation()
+    # A fifth of a second for the integrals, and a tenth of the way.
+    np.testing.assert_allclose(way[:2], [0.0, 0.4], atol=0.08)
