@@ -3,6 +3,7 @@
 import dataclasses as dc
 import itertools
 import math
+import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias, TypeVar
@@ -188,6 +189,33 @@ class MotionStep:
 
 
 @dataclass(frozen=True)
+class Needs:
+    """What a motion needs beside the name of its robot."""
+
+    # Arguments of the robot's xacro file.
+    xacro_args: Mapping[str, str] = dc.field(default_factory=dict)
+
+    # Name of the world; None is any.
+    world: str | None = None
+
+    # Scene file that has the motion, its robot, and what else it needs.
+    scene: Path | None = None
+
+    def command(self, robot: str, motion: str) -> str:
+        """Return the command that simulates the motion."""
+        words = ["arm-drake", "sim"]
+        if self.scene is not None:
+            here = Path.cwd()
+            is_below = self.scene.is_relative_to(here)
+            scene = self.scene.relative_to(here) if is_below else self.scene
+            return shlex.join([*words, str(scene)])
+        words += [robot, *(f"{n}:={value}" for n, value in self.xacro_args.items())]
+        if self.world is not None:
+            words += ["--world", self.world]
+        return shlex.join([*words, "--motion", motion])
+
+
+@dataclass(frozen=True)
 class Motion:
     """The steps of a motion file, in the order of their times."""
 
@@ -199,6 +227,8 @@ class Motion:
 
     # Values that were given to its parameters, in place of their defaults.
     parameters: Mapping[str, Any] = dc.field(default_factory=dict)
+
+    needs: Needs = dc.field(default_factory=Needs)
 
     def __repr__(self) -> str:
         """Return its file, and how much it sends to whom; its steps are long."""

@@ -7,8 +7,11 @@ from typing import Any, NamedTuple, Protocol
 
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram
 
+from arm_drake.description.entry import bundled_motions
 from arm_drake.description.joints import beyond_limits
+from arm_drake.description.robot import Robot
 from arm_drake.errors import ArmDrakeError, InputError, MotionError
 from arm_drake.messages import JointState, JointTrajectory, SwitchController
 from arm_drake.plant.payloads import Payload, Payloads
@@ -29,6 +32,7 @@ from arm_drake.simulation.motion import (
     TaskOutcome,
     TopicMessage,
 )
+from arm_drake.simulation.recording import find_build_info
 
 # How often is looked whether a robot rests whose motion is to be planned [s].
 _LOOK_PERIOD = 0.05
@@ -41,11 +45,17 @@ class Runner(Protocol):
     mailbox: Mailbox
     simulator: Simulator
 
+    diagram: Diagram
+
     # Of the quickest controller manager [s].
     period: float
 
     # What was played, in order.
     motions: list[Motion]
+
+    @property
+    def robots(self) -> dict[str, Robot]:
+        """The robots by name."""
 
     @property
     def time(self) -> float:
@@ -357,7 +367,27 @@ def check_motion(simulation: Runner, motion: Motion) -> None:
             else:
                 _check_message(simulation, step, states, activated)
         except InputError as error:
-            raise _error_in(motion, step, error.problem) from None
+            problem = error.problem + _hint_at_needs(simulation, motion)
+            raise _error_in(motion, step, problem) from None
+
+
+def _hint_at_needs(simulation: Runner, motion: Motion) -> str:
+    """Return the end of a message that says what the motion needs and lacks, or ""."""
+    robot = next(iter(simulation.robots.values()))
+    known = bundled_motions(robot.bundled or "").items()
+    arguments = {
+        name: str(value)
+        for name, value in (robot.load_options.get("xacro_args") or {}).items()
+    }
+    build = find_build_info(simulation.diagram)
+    needs = motion.needs
+    has_all = needs.scene is None and needs.xacro_args.items() <= arguments.items()
+    if has_all and (build is None or needs.world in (None, build.world)):
+        return ""
+    name = str(robot.bundled or robot.description.file)
+    names = (name for name, file in known if file == motion.file)
+    word = next(names, str(motion.file or "FILE"))
+    return f"; the motion is for `{needs.command(name, word)}`"
 
 
 def check_trajectories(simulation: Runner, motion: Motion) -> None:

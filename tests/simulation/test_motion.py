@@ -833,7 +833,7 @@ def test_a_step_knows_its_line(load, tmp_path):
         ("- {[1]: 2}", ":1: malformed YAML: found unhashable key"),
         ("- at: 1\n  cancel: true\n  at: 2", ":3: the key 'at' stands twice"),
         (b"\xff", ": can't be read: it is not UTF-8 text"),
-        ("\na: 1", ":2: unknown key 'a'; known: parameters, steps"),
+        ("\na: 1", ":2: unknown key 'a'; known: needs, parameters, steps"),
     ],
 )
 def test_a_text_that_is_no_yaml_is_one_located_message(load, tmp_path, text, message):
