@@ -53,6 +53,9 @@ class GoalHandle:
         # What of the goal was not taken as written.
         self.note = ""
 
+        # What its result doesn't tell: which joint violated which tolerance.
+        self.detail = ""
+
         # Whether it is part of a task, as a gripper's that stalls on a thing: what
         # became of the task says whether anything failed.
         self.is_part = False
@@ -65,6 +68,7 @@ class GoalHandle:
         self.status = event.status
         self.result = event.result or self.result
         self.note = event.note or self.note
+        self.detail = event.detail or self.detail
         if event.feedback_source is not None:
             self._sources.append(event.feedback_source)
 
@@ -89,7 +93,8 @@ class GoalHandle:
             text += describe_grip(result, (result.position,))
         elif isinstance(result, ParallelGripperCommandResult):
             text += describe_grip(result, result.state.position)
-        return f"{text}: {why}" if why else text
+        text = f"{text}: {why}" if why else text
+        return f"{text} ({self.detail})" if self.detail else text
 
     def __repr__(self) -> str:
         """Return controller, status and result."""
