@@ -1,5 +1,6 @@
 """Messages into a running diagram, its events, and the handles of goals."""
 
+import dataclasses as dc
 import math
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple, TypeAlias
@@ -161,7 +162,15 @@ class Mailbox:
         self.simulator = simulator
         self._sources = []
         self._ports: dict[str, InputPort] = {}
+
+        # Why controllers can't be activated, by name.
+        self._obstacles: dict[str, str] = {}
         for manager in managers:
+            self._obstacles |= {
+                f"{manager.prefix}{controller.name}": "; ".join(controller.missing)
+                for controller in manager.controllers
+                if controller.missing
+            }
             self._sources += [
                 _Source(
                     controller.system.GetOutputPort("events"),
@@ -357,6 +366,8 @@ class Mailbox:
         name: str,
     ) -> list[SimulationEvent]:
         """Take note of an event; return it, or nothing if nobody waits for it."""
+        if name in self._obstacles and isinstance(event, GoalEvent | TopicRejected):
+            event = _with_obstacle(event, self._obstacles[name])
         if isinstance(event, GoalEvent):
             handle = self._handles.get(id(event.request))
             if handle is None:  # Sent past the Simulation, by a system of the user's.
@@ -402,6 +413,18 @@ class Mailbox:
         """Return the start of a line about a message: where it comes from."""
         _, where = self._places.get(id(message), (None, ""))
         return f"{where}: " if where else ""
+
+
+def _with_obstacle(
+    event: GoalEvent | TopicRejected, obstacle: str
+) -> GoalEvent | TopicRejected:
+    """Return a rejection that says why it is no use to activate the controller."""
+    text = f"the controller can't be activated: {obstacle}"
+    if isinstance(event, TopicRejected):
+        return dc.replace(event, reason=text)
+    if isinstance(event.result, FollowJointTrajectoryResult):
+        return dc.replace(event, result=dc.replace(event.result, error_string=text))
+    return dc.replace(event, note=text)
 
 
 # What messages are called.

@@ -477,7 +477,10 @@ def _check_message(
         simulation.controller(names[0]).check(step.message)
     # Of several that read a topic, one is enough.
     if not any(states[name] == "active" or name in activated for name in names):
-        raise InputError(f"controller {names[0]!r} is {states[names[0]]}, not active")
+        missing = simulation.directory.find(names[0])[1].missing
+        why = f": {'; '.join(missing)}" if missing else ""
+        text = f"controller {names[0]!r} is {states[names[0]]}, not active"
+        raise InputError(text + why)
 
 
 def _receiver(step: MotionStep) -> str:
