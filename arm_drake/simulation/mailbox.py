@@ -99,7 +99,7 @@ class GoalHandle:
 
     def __repr__(self) -> str:
         """Return controller, status and result."""
-        return f"GoalHandle({self.controller!r}, {self.status.value}, {self.result})"
+        return f"<GoalHandle of {self.controller!r}: {self.describe()}>"
 
 
 Rejection: TypeAlias = TopicRejected | ParametersRejected
@@ -109,6 +109,9 @@ SimulationEvent: TypeAlias = (
     GoalHandle | Rejection | CancelResponse | Failure | CommandLimited | TaskOutcome
 )
 
+
+# How goals end that failed.
+_FAILED = (GoalStatus.REJECTED, GoalStatus.ABORTED)
 
 # What `AbstractValue.Make` makes of an object, found once.
 _Value = Value[object]
@@ -253,6 +256,11 @@ class Mailbox:
             self.reject(outcome.task, outcome.reason, outcome.where)
         else:
             self._own.append(outcome)
+
+    @property
+    def failed_goals(self) -> list[GoalHandle]:
+        """Goals that were rejected or aborted, in the order they were sent."""
+        return [g for g in self.goals if g.status in _FAILED and not g.is_part]
 
     def _forget_places(self) -> None:
         """Forget where messages came from that lie on no port and weren't refused."""
