@@ -10,8 +10,9 @@ from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias, TypeVar
 
 import yaml
 
-from arm_drake import yaml_files
+from arm_drake import interfaces, yaml_files
 from arm_drake.arrays import is_finite
+from arm_drake.description.joints import JointInfo, beyond_limits
 from arm_drake.errors import MotionError, counted, quoted, suggest
 from arm_drake.importing import dataclass
 from arm_drake.messages import (
@@ -348,6 +349,42 @@ def _scaled_end(
             now, length = at, length - done
         speed = factor
     return now + length / speed if speed > 0.0 else now
+
+
+# So much faster than its limit a joint is by rounding.
+_FASTER = 1.01
+
+
+def find_beyond_limits(
+    joints: Iterable[JointInfo],
+    trajectory: JointTrajectory,
+    start: Mapping[str, float] | None = None,
+) -> Iterator[tuple[int, str, str]]:
+    """Yield which point takes which joint beyond its limits, and a line about it.
+
+    Speeds are those of the points, and at least what the way between two of them takes;
+    `start` is where the joints are before, if that is known.
+    """
+    joints, order = tuple(joints), trajectory.joint_names
+    before, then = start or {}, 0.0
+    for index, point in enumerate(trajectory.points):
+        positions = dict(zip(order, point.positions, strict=False))
+        for name, problem in beyond_limits(joints, positions):
+            yield index, name, problem
+        speeds = dict(zip(order, map(abs, point.velocities), strict=False))
+        now = point.time_from_start.to_seconds()
+        for joint in joints:
+            name, limit = joint.name, joint.limits.velocity
+            mean = 0.0
+            if joint.type != "continuous" and now > then and {name} <= {*before}:
+                mean = abs(positions.get(name, before[name]) - before[name])
+                mean /= now - then
+            speed = max(mean, speeds.get(name, 0.0))
+            if limit is not None and 0.0 < _FASTER * limit < speed:
+                unit = interfaces.unit(interfaces.VELOCITY, joint.type)
+                text = f"{name} would move at {speed:.3g} {unit}"
+                yield index, name, f"{text}, its limit is {limit:.3g} {unit}"
+        before, then = {**before, **positions}, now
 
 
 # Key of the steps of a motion that has parameters.

@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any, NamedTuple, Protocol
 
@@ -10,9 +11,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram
 
 from arm_drake.description.entry import bundled_motions
-from arm_drake.description.joints import beyond_limits
 from arm_drake.description.robot import Robot
-from arm_drake.errors import ArmDrakeError, InputError, MotionError
+from arm_drake.errors import ArmDrakeError, ArmDrakeWarning, InputError, MotionError
 from arm_drake.messages import JointState, JointTrajectory, SwitchController
 from arm_drake.plant.payloads import Payload, Payloads
 from arm_drake.simulation import clients
@@ -31,6 +31,7 @@ from arm_drake.simulation.motion import (
     Task,
     TaskOutcome,
     TopicMessage,
+    find_beyond_limits,
 )
 from arm_drake.simulation.recording import find_build_info
 
@@ -113,6 +114,8 @@ class Player:
         self._motion = Motion(None, ()) if motion is None else motion
         self._tolerance = tolerance
         check_motion(simulation, self._motion)
+        for line in list_beyond_limits(simulation, self._motion):
+            warnings.warn(line, ArmDrakeWarning, stacklevel=3)
         if motion is not None:
             simulation.motions.append(motion)
         self._start = simulation.time
@@ -427,12 +430,14 @@ def list_beyond_limits(simulation: Runner, motion: Motion) -> list[str]:
             continue
         assert name is not None  # Only a switch is for nobody.
         robot = simulation.directory.find(name)[0].robot
-        joints, order = robot.description.movable_joints, trajectory.joint_names
-        for index, point in enumerate(trajectory.points):
-            positions = dict(zip(order, point.positions, strict=False))
-            for joint, problem in beyond_limits(joints, positions):
-                place = f"{motion.place(step)}.points[{index}]"
-                found.setdefault((robot.name, joint), f"{place}: {problem}")
+        joints, place = robot.description.movable_joints, motion.place(step)
+        start: dict[str, float] = {}
+        if step.at == 0.0:
+            state = simulation.joint_states(robot.name)
+            start = dict(zip(state.name, state.position, strict=True))
+        for index, joint, problem in find_beyond_limits(joints, trajectory, start):
+            line = f"{place}.points[{index}]: {problem}"
+            found.setdefault((robot.name, joint), line)
     return list(found.values())
 
 

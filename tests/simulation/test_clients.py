@@ -1,5 +1,7 @@
 """Handles of controllers: what they send, what they refuse, what they read."""
 
+import warnings
+
 import numpy as np
 import pytest
 from pydrake.common.value import AbstractValue
@@ -8,7 +10,7 @@ import arm_drake as ad
 from arm_drake.errors import InputError, ParameterError
 from arm_drake.messages import GripperCommand, MultiDOFCommand, ParametersRejected
 from arm_drake.simulation.motion_files import parse_motion
-from tests.models import load, pendulum, ros2_control
+from tests.models import load, pendulum, ros2_control, trajectory_controllers
 from tests.robots import real_robot
 
 DEMO = "ros2_control_demos/ros2_control_demo_example_1"
@@ -501,3 +503,30 @@ def test_a_controller_that_could_not_be_loaded_says_why(tmp_path, name, reason) 
         sim.controller(name)
 
     assert str(caught.value) == f"controller {name!r} could not be loaded: {reason}"
+
+
+def test_a_program_is_warned_of_a_trajectory_beyond_the_limits(tmp_path) -> None:
+    yaml = trajectory_controllers({"arm": ["swing"]})
+    sim = ad.Simulation(ad.build_diagram(load(tmp_path, pendulum(), yaml)))
+    arm, topic = sim.controller("arm"), sim.topic("arm/joint_trajectory")
+
+    def to(position: float, time: float) -> ad.JointTrajectory:
+        point = ad.JointTrajectoryPoint([position], time_from_start=time)
+        return ad.JointTrajectory(joint_names=["swing"], points=[point])
+
+    beyond = r"^arm: points\[0\]: swing 4 is outside \[-3, 3\]$"
+    fast = r"^arm: points\[0\]: swing would move at 20 rad/s, its limit is 10 rad/s$"
+    for send in (arm.send_goal, arm.send_trajectory, topic.publish):
+        with pytest.warns(ad.ArmDrakeWarning, match=beyond) as told:
+            send(to(4.0, 9.0))
+        assert told[0].filename == __file__
+        with pytest.warns(ad.ArmDrakeWarning, match=fast):
+            send(to(2.0, 0.1))
+
+    goal = {"joint_names": ["swing"], "points": [{"positions": [4.0]}]}
+    motion = parse_motion([{"controller": "arm", "goal": goal}])
+    with pytest.warns(ad.ArmDrakeWarning, match=r"^\[0\]\.goal\.points\[0\]: swing 4 "):
+        sim.run(0.1, motion)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        arm.send_goal(to(2.9, 5.0))

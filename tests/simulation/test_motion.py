@@ -37,6 +37,7 @@ from arm_drake.simulation.motion import (
     PlanTo,
     SetPayloads,
     TopicMessage,
+    find_beyond_limits,
 )
 from arm_drake.simulation.motion_files import load_motion, parse_motion
 
@@ -948,3 +949,31 @@ def test_positions_beyond_the_limits_are_listed_once_with_their_place():
         f"lift 30 {outside}",
     ]
     assert problems(pan=360.0) == [f"pan 360 {outside}"]
+
+
+def test_speeds_beyond_the_limits_are_those_of_points_and_of_the_ways_between():
+    limits = JointLimits(lower=-3.14, upper=3.14, velocity=2.0)
+    joints = [JointInfo("pan", "revolute", "a", "b", limits)]
+    joints.append(JointInfo("slide", "prismatic", "a", "b", limits))
+    joints.append(JointInfo("spin", "continuous", "a", "b", limits))
+
+    def problems(*points, **start):
+        names = ("pan", "slide", "spin")
+        made = [
+            JointTrajectoryPoint(positions, velocities, time_from_start=time)
+            for time, positions, *rest in points
+            for velocities in (rest[0] if rest else (),)
+        ]
+        trajectory = JointTrajectory(joint_names=names, points=made)
+        return list(find_beyond_limits(joints, trajectory, start))
+
+    assert problems((1.0, (2.0, 0.0, 0.0)), (2.0, (0.0, 2.0, 0.0)), pan=0.0) == []
+    assert problems((1.0, (3.0, 0.0, 0.0)), (2.0, (0.5, 0.0, 0.0)), pan=0.0) == [
+        (0, "pan", "pan would move at 3 rad/s, its limit is 2 rad/s"),
+        (1, "pan", "pan would move at 2.5 rad/s, its limit is 2 rad/s"),
+    ]
+    # Where it starts isn't known, and an endless joint may take the shorter way.
+    assert problems((1.0, (3.0, 3.0, 3.0)), (2.0, (3.0, 3.0, -3.0))) == []
+    assert problems((1.0, (0.0, 0.0, 0.0), (0.0, -4.0, 0.0))) == [
+        (0, "slide", "slide would move at 4 m/s, its limit is 2 m/s"),
+    ]
