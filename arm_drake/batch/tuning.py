@@ -524,7 +524,9 @@ def _command_controller(
             tuple(points), time_from_start=Duration.of(settle / 2)
         )
         joints = tuple(map(str, names))
-        handle.send_trajectory(JointTrajectory(joint_names=joints, points=(point,)))
+        trajectory = JointTrajectory(joint_names=joints, points=(point,))
+        # Said where from, it is not warned of: steps may be faster than joints.
+        handle.send_trajectory(trajectory, where="step")
     else:
         handle.command(points)
     return steps

@@ -155,7 +155,7 @@ class ControllerHandle:
             goal: The goal, or its trajectory or command alone. Any gripper takes a
                 GripperCommand. A trajectory beyond limits of joints is sent with an
                 ArmDrakeWarning.
-            where: Where the goal comes from, for messages.
+            where: Where the goal comes from, for messages; then there is no warning.
 
         Raises:
             InputError: If the controller has no such action.
@@ -187,7 +187,8 @@ class ControllerHandle:
 
         Args:
             trajectory: What to follow from the controller's next tick on.
-            where: Where it comes from, for messages.
+            where: Where it comes from, for messages. Without it there is an
+                ArmDrakeWarning of what goes beyond limits of joints.
 
         Raises:
             InputError: If the controller has no such topic.
