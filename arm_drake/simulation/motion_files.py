@@ -11,7 +11,7 @@ import yaml
 
 from arm_drake import yaml_files
 from arm_drake.description.entry import bundled_motions, bundled_robots
-from arm_drake.description.robot import Robot
+from arm_drake.description.robot import Robot, list_robots
 from arm_drake.errors import InputError, MotionError, suggest
 from arm_drake.messages import (
     Duration,
@@ -635,6 +635,7 @@ def load_motion(
         MotionError: If the file can't be used.
     """
     if robot is not None:
+        (robot,) = list_robots(robot)
         return find_motion(path, robot, parameters)
     _refuse_folder(path)
     path = Path(path)

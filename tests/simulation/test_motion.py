@@ -865,6 +865,15 @@ def test_a_missing_file_is_an_error(tmp_path):
     assert str(caught.value) == f"{path}: can't be read: No such file or directory"
 
 
+def test_a_robot_that_is_none_is_said():
+    text = "expected a robot of load_robot('doosan_a0912'), got str"
+
+    with pytest.raises(ArmDrakeError) as caught:
+        load_motion("tutorial", robot="doosan_a0912")
+
+    assert str(caught.value) == text
+
+
 def bundled() -> list[Path]:
     return [
         path for robot in bundled_robots() for path in bundled_motions(robot).values()
