@@ -2,11 +2,11 @@
 
 A busy machine doesn't disturb the count, so it stands beside the times of the other
 benchmarks. Counted is what `Simulator.AdvanceTo` runs between two ticks of 10 ms while
-a six-joint arm plays a trajectory: the whole diagram, and the same without Python; the
-same of four arms in one diagram, for each of them; and 1 ms of the myCobot with
-Gazebo's plugins. Beside them, where MuJoCo is installed, what its `mj_step` takes for
-10 ms of the same arm with position actuators. Without valgrind (Debian has it) there is
-a message and no count.
+a six-joint arm plays a trajectory: the whole diagram, the same without Python, and this
+with a tick in Python that does nothing; the same of four arms in one diagram, for each
+of them; and 1 ms of the myCobot with Gazebo's plugins. Beside them, where MuJoCo is
+installed, what its `mj_step` takes for 10 ms of the same arm with position actuators.
+Without valgrind (Debian has it) there is a message and no count.
 
     python -m tests.benchmarks.instructions [--ticks 50]
 """
@@ -58,17 +58,21 @@ def make_trajectory() -> JointTrajectory:
     return JointTrajectory(joint_names=JOINTS, points=points)
 
 
-def without_python(options: ad.SimulationOptions) -> Advance:
+def without_python(
+    options: ad.SimulationOptions, *, has_empty_tick: bool = False
+) -> Advance:
     robot = ad.load_robot(ROBOT)
     start = list(robot.initial_positions.values())[:6]
     commands = np.tile([*start, *np.zeros(6)], (1500, 1))
     commands[:, :6] += 0.1 * np.sin(PERIOD * np.arange(1500))[:, None]
-    diagram, drive = build_cpp_only([robot], options, commands)
+    diagram, drives = build_cpp_only(
+        [robot], options, commands, has_empty_tick=has_empty_tick
+    )
     simulator = Simulator(diagram)
     simulator.Initialize()
 
     def advance(time: float) -> object:
-        return simulator.AdvanceTo(time), drive
+        return simulator.AdvanceTo(time), drives
 
     return advance
 
@@ -122,6 +126,12 @@ def cases() -> Iterator[tuple[str, float, Callable[[], Advance], int]]:
     for preset in ("fast", "accurate"):
         options = ad.SimulationOptions(preset=preset, time_step=PERIOD)
         yield f"{preset}, C++ only", PERIOD, lambda o=options: without_python(o), 1
+        yield (
+            f"{preset}, C++ and an empty tick in Python",
+            PERIOD,
+            lambda o=options: without_python(o, has_empty_tick=True),
+            1,
+        )
         for text, is_goal in (("a trajectory", False), ("a goal, with feedback", True)):
             yield (
                 f"{preset}, {text}",
