@@ -888,8 +888,11 @@ def test_a_motion_with_nan_is_found_before_the_start(run, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--port", "80"], "port 80: expected 1024 to 65535"),
-        (["--port", "99999"], "port 99999: expected 1024 to 65535"),
+        (["--port", "80"], "port 80: expected 1024 to 65535, or 0 for any free one"),
+        (
+            ["--port", "99999"],
+            "port 99999: expected 1024 to 65535, or 0 for any free one",
+        ),
         (
             ["--host", "203.0.113.7"],
             "host '203.0.113.7': expected localhost, * (all addresses) or an address "

@@ -174,7 +174,7 @@ def add_server_arguments(parser: argparse.ArgumentParser) -> None:
         help="draw meshes with at most so many triangles, for smaller recordings",
     )
     add("--host", help="address of the page (localhost)")
-    add("--port", type=int, help="port of the page (first free from 7000)")
+    add("--port", type=int, help="port of the page, 0 for any (first free from 7000)")
     add(
         "--open",
         action=argparse.BooleanOptionalAction,
