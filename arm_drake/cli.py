@@ -200,7 +200,10 @@ def _expanding_ahead(
 
 
 def load_robot_of(
-    options: argparse.Namespace, positions: Mapping[str, float] | None = None
+    options: argparse.Namespace,
+    positions: Mapping[str, float] | None = None,
+    *,
+    strict: bool = False,
 ) -> Any:
     """Load the robot of a command line, with initial positions besides [rad, m]."""
     if is_scene(options.robot):
@@ -222,6 +225,7 @@ def load_robot_of(
         pose=getattr(options, "pose", None),
         namespace=options.namespace,
         initial_positions=initial,
+        strict=strict,
         decompose=options.decompose,
         max_faces=getattr(options, "max_faces", None),
         frames=read_frames(options.add_frame),
@@ -318,28 +322,29 @@ def _ik(options: argparse.Namespace) -> int:
     with unbroken(), without_collection():
         from arm_drake.commands.planning import run_ik
 
-    return run_ik(options, load_robot_of(options))
+    return run_ik(options, load_robot_of(options, strict=options.strict))
 
 
 def _plan(options: argparse.Namespace) -> int:
     with unbroken(), without_collection():
         from arm_drake.commands.planning import run_plan
 
-    return run_plan(options, functools.partial(load_robot_of, options))
+    load = functools.partial(load_robot_of, options, strict=options.strict)
+    return run_plan(options, load)
 
 
 def _analyze(options: argparse.Namespace) -> int:
     with unbroken(), without_collection():
         from arm_drake.commands.analyze import run_analyze
 
-    return run_analyze(options, load_robot_of(options))
+    return run_analyze(options, load_robot_of(options, strict=options.strict))
 
 
 def _tune(options: argparse.Namespace) -> int:
     with unbroken(), without_collection():
         from arm_drake.commands.tune import run_tune
 
-    return run_tune(options, load_robot_of(options))
+    return run_tune(options, load_robot_of(options, strict=options.strict))
 
 
 def _many(options: argparse.Namespace) -> int:
@@ -380,7 +385,7 @@ _COMMANDS: Mapping[str, _Command] = {
         "load a robot and print what was not taken as written",
         "Exits with 0 if the robot can be used, 1 if the report has an error: a "
         "controller, a sensor or a collision shape is lost (a mesh that isn't drawn "
-        "is a warning; with --strict any line counts), 2 if it can't be loaded.",
+        "is a warning; with --strict warnings count, too), 2 if it can't be loaded.",
         add_robot_arguments,
         _check,
     ),

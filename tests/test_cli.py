@@ -14,7 +14,7 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.cli import main
-from arm_drake.description.entry import bundled_motions, configs_folder
+from arm_drake.description.entry import bundled_motions, bundled_robots, configs_folder
 from arm_drake.messages import Float64MultiArray
 from arm_drake.simulation.recording import list_failures
 from tests import models
@@ -287,7 +287,41 @@ def test_check_reads_as_blocks_by_severity_and_file(run, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_strict_check_exits_with_1_for_a_mere_remark(run, tmp_path):
+@pytest.mark.parametrize("robot", bundled_robots())
+def test_bundled_robots_bear_strict(run, robot):
+    assert run("check", robot, "--strict")[0] == 0
+
+    arguments = ("sim", robot, "--headless", "--duration", "0.01", "--strict")
+    assert run(*arguments)[::2] == (0, "")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("sim", "--headless", "--duration", "0.01"),
+        ("ik", "--pose", "0.5,0,0.5"),
+        ("plan", "--to", "0.5,0,0.5"),
+        ("analyze",),
+        ("tune",),
+    ],
+)
+def test_strict_refuses_a_robot_with_a_warning(run, tmp_path, command):
+    yaml = (configs_folder() / "doosan_a0912/controllers.yaml").read_text()
+    wrong = tmp_path / "controllers.yaml"
+    wrong.write_text(yaml.replace("goal_time:", "goal_tim:"))
+    name, *words = command
+
+    code, out, err = run(
+        name, "doosan_a0912", "--controllers", wrong, "--strict", *words
+    )
+
+    assert (code, out) == (2, "")
+    assert err.startswith("arm-drake: not everything was taken as written:\nwarning: ")
+
+
+@pytest.mark.slow
+def test_strict_check_exits_with_1_for_a_warning(run, tmp_path):
     yaml = (configs_folder() / "doosan_a0912/controllers.yaml").read_text()
     remark = tmp_path / "controllers.yaml"
     remark.write_text(yaml.replace("goal_time:", "goal_tim:"))

@@ -246,7 +246,7 @@ def add_launch_arguments(parser: argparse.ArgumentParser) -> None:
     add("--show-args", action="store_true", help="say which arguments it has")
     add("--print", action="store_true", help="say what it would start")
     add_loading_arguments(parser)
-    text = "take every line of the report as an error"
+    text = "take warnings of the report as errors"
     add("--strict", action="store_true", help=text)
     add_json(parser)
     text = "; where nothing is simulated"
@@ -666,7 +666,7 @@ def add_robot_arguments(parser: argparse.ArgumentParser) -> None:
         help="xacro arguments",
     )
     add_loading_arguments(parser)
-    text = "take every line of the report as an error"
+    text = "take warnings of the report as errors"
     add("--strict", action="store_true", help=text)
     add_json(parser)
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Literal
 
-from arm_drake.errors import Located, first_names
+from arm_drake.errors import InputError, Located, first_names
 from arm_drake.importing import dataclass
 
 Severity = Literal["info", "warning", "error"]
@@ -137,6 +137,20 @@ class LoadReport:
     def errors(self) -> tuple[ReportEntry, ...]:
         """The entries of severity "error"."""
         return tuple(e for e in self._entries if e.severity == "error")
+
+    @property
+    def problems(self) -> tuple[ReportEntry, ...]:
+        """The entries that count with `strict`: errors and warnings.
+
+        What is "info" makes no difference, or is taken as what it stands for.
+        """
+        return tuple(e for e in self._entries if e.severity != "info")
+
+    def check(self) -> None:
+        """Raise InputError for errors and warnings."""
+        if self.problems:
+            text = str(LoadReport(self.problems))
+            raise InputError(f"not everything was taken as written:\n{text}")
 
     def to_json(self) -> list[dict[str, object]]:
         """Return the entries as plain data for JSON."""
