@@ -73,6 +73,10 @@ class Recording:
         """
         self.html = page
 
+    def __repr__(self) -> str:
+        """Return how large it is."""
+        return f"<Recording, {len(self.html) / 1e6:.1f} MB of HTML>"
+
     def save(self, path: str | Path) -> None:
         """Write it as a file that any browser opens.
 

@@ -1,8 +1,8 @@
 """LoadReport: one line for everything that was not taken as written."""
 
+import collections
 import dataclasses as dc
 import functools
-import json
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -14,7 +14,7 @@ from arm_drake.importing import dataclass
 
 Severity = Literal["info", "warning", "error"]
 # The order in which people read them.
-_ORDER = ("error", "warning", "info")
+_ORDER: Sequence[Severity] = ("error", "warning", "info")
 
 # Of things found in many places, so many are named in the text.
 _MAX_PLACES = 4
@@ -190,11 +190,13 @@ class LoadReport:
 
     def __str__(self) -> str:
         """Return the report as lines of text, errors first, no line twice."""
-        return "\n".join(map(str, self.grouped()))
+        return "\n".join(map(str, self.grouped())) or "nothing to report"
 
     def __repr__(self) -> str:
-        """Return the report as JSON."""
-        return f"LoadReport({json.dumps(self.to_json())})"
+        """Return how many entries of each severity there are."""
+        numbers = collections.Counter(entry.severity for entry in self._entries)
+        found = [f"{numbers[each]} {each}" for each in _ORDER if numbers[each]]
+        return f"<LoadReport, {', '.join(found) or 'nothing to report'}>"
 
 
 class Places:

@@ -66,6 +66,7 @@ def test_port_0_is_any_free_one_and_its_address_is_real(
 
     with start_page(options) as page, start_page(options) as other:
         assert page.url == f"http://localhost:{page.port}/"
+        assert repr(page) == f"<Page http://localhost:{page.port}/>"
         assert 0 not in (page.port, other.port)
         assert page.port != other.port
         with socket.create_connection(("localhost", page.port), timeout=5.0):

@@ -530,6 +530,10 @@ class Page(Scene):
             super().close()
             raise
 
+    def __repr__(self) -> str:
+        """Return where it is."""
+        return f"<Page {self.url}>"
+
     @property
     def url(self) -> str:
         """Its address."""
