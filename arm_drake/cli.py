@@ -37,7 +37,7 @@ from arm_drake.commands.arguments import (
     read_frames,
     read_initial,
 )
-from arm_drake.errors import ArmDrakeError, InputError, did_you_mean
+from arm_drake.errors import ArmDrakeError, InputError, find_close
 from arm_drake.importing import without_collection
 from arm_drake.output_files import unbroken
 
@@ -87,8 +87,9 @@ def _refuse(words: Sequence[str], options: argparse.Namespace) -> NoReturn:
     _COMMANDS[options.command].add_arguments(parser)
     word, hint = words[0], ""
     if word.startswith("-"):
-        known = re.findall(r"--[a-z-]+", parser.format_help())
-        hint = did_you_mean(word.partition("=")[0], known)
+        known = re.findall(r"--([a-z-]+)", parser.format_help())
+        close = find_close(word.partition("=")[0].lstrip("-"), known, _ALIKE)
+        hint = f"; did you mean '--{close}'?" if close else ""
     elif "=" in word and hasattr(options, "xacro_args"):
         hint = f"; did you mean {word.replace('=', XACRO, 1)!r}?"
     parser.error(f"unrecognized arguments: {' '.join(words)}{hint}")
@@ -126,6 +127,9 @@ def make_parser() -> argparse.ArgumentParser:
 
 
 _USAGE_ERROR = 2
+
+# So much alike are an option and the one that was meant: "foo" and "loop" are not.
+_ALIKE = 0.6
 
 
 def _end_soon() -> None:
