@@ -62,6 +62,7 @@ from arm_drake.errors import (
     ArmDrakeError as ArmDrakeError,
     DescriptionError as DescriptionError,
     InputError as InputError,
+    ArmDrakeWarning as ArmDrakeWarning,
     MissingExtraError as MissingExtraError,
     MotionError as MotionError,
     OutputError as OutputError,

@@ -249,17 +249,30 @@ def _list(options: argparse.Namespace) -> int:
         bundled_robots,
         example_robots,
     )
+    from arm_drake.simulation.motion import Needs
+    from arm_drake.simulation.motion_files import load_motion
     from arm_drake.worlds.world import WORLDS
 
     robots = {name: list(bundled_motions(name)) for name in bundled_robots()}
+    commands = {
+        robot: {
+            motion: load_motion(file).needs.command(robot, motion)
+            for motion, file in bundled_motions(robot).items()
+        }
+        for robot in robots
+    }
     examples = [f"{EXAMPLE}{name}" for name in example_robots()]
     worlds = sorted(WORLDS)
     if options.json:
-        print(json.dumps({"robots": robots, "worlds": worlds, "examples": examples}))
+        listed = {"robots": robots, "commands": commands}
+        print(json.dumps({**listed, "worlds": worlds, "examples": examples}))
         return 0
     for name, motions in robots.items():
         text = f"motions: {', '.join(motions) or 'none'}"
         print(name, textwrap.indent(textwrap.fill(text, width=84), "  "), sep="\n")
+        for motion, command in commands[name].items():
+            if command != Needs().command(name, motion):
+                print(f"    {motion} needs more: {command}")
     print(f"worlds: {', '.join(worlds)}")
     names = ", ".join(examples or ["none (pip install 'arm-drake[robots]')"])
     print(textwrap.fill(f"examples: {names}", width=88, subsequent_indent="  "))

@@ -95,6 +95,10 @@ class OutputError(InputError):
     """A result can't be written to the requested place."""
 
 
+class ArmDrakeWarning(UserWarning):
+    """What is done as the user said, but hardly as it was meant."""
+
+
 class MissingExtraError(ArmDrakeError, ImportError):
     """An optional dependency is needed and isn't installed."""
 

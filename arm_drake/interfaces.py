@@ -108,3 +108,8 @@ def unit(interface: str, joint_type: str) -> str:
     """Return the unit of an interface of a joint of this URDF type."""
     units = _LINEAR_UNITS if joint_type == "prismatic" else _ANGULAR_UNITS
     return units[interface]
+
+
+def unit_of_all(interface: str, joint_types: Iterable[str]) -> str:
+    """Return the unit of an interface of joints: "rad", or "m or rad" of both kinds."""
+    return " or ".join(sorted({unit(interface, type_) for type_ in joint_types}))

@@ -14,7 +14,11 @@ import pytest
 
 import arm_drake as ad
 from arm_drake.cli import main
-from arm_drake.description.entry import bundled_motions, bundled_robots, configs_folder
+from arm_drake.description.entry import (
+    bundled_motions,
+    bundled_robots,
+    configs_folder,
+)
 from arm_drake.messages import Float64MultiArray
 from arm_drake.simulation.recording import list_failures
 from tests import models
@@ -69,6 +73,66 @@ def test_list_names_robots_motions_and_worlds(run):
     assert code == 0
     assert "doosan_a0912\n  motions: topic, tutorial, waypoints" in out
     assert "worlds: empty, house, house_table, void" in out
+
+
+MYCOBOT = "arm-drake sim mycobot_280 control:=ros2_control"
+
+# What motions say that don't run with the robot's name alone.
+COMMANDS = {
+    ("centauri", "pick_and_place"): "arm-drake sim pick_and_place_scene.yaml",
+    ("mycobot_280", "classic"): (
+        "arm-drake sim mycobot_280 control:=classic --motion classic"
+    ),
+    ("mycobot_280", "follow"): "arm-drake sim follow_scene.yaml",
+    ("mycobot_280", "pick_and_place"): (
+        f"{MYCOBOT} --world house_table --motion pick_and_place"
+    ),
+    ("mycobot_280", "pick_by_camera"): (
+        f"{MYCOBOT} camera:=table --world house_table --motion pick_by_camera"
+    ),
+    ("mycobot_280", "plan_to_poses"): f"{MYCOBOT} --motion plan_to_poses",
+    ("mycobot_280", "trajectories"): f"{MYCOBOT} --motion trajectories",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", bundled_robots())
+def test_a_motion_runs_with_its_name_or_says_the_command_that_works(
+    run, robot, monkeypatch
+):
+    monkeypatch.chdir(configs_folder() / robot)  # Scenes are named from here.
+    short = ["--headless", "--duration", 0.1]
+    for motion in bundled_motions(robot):
+        code, _, err = run("sim", robot, "--motion", motion, *short)
+        command = COMMANDS.get((robot, motion))
+        if command is None:
+            assert code == 0, err
+            continue
+        assert code == 2
+        assert err.endswith(f"; the motion is for `{command}`\n")
+        # What is planned isn't done by then, but begun.
+        assert run(*command.split()[1:], *short)[0] < 2
+        assert f"    {motion} needs more: {command}\n" in run("list")[1]
+
+
+@pytest.mark.slow
+def test_who_has_what_a_motion_needs_is_told_only_what_else_is_wrong(run):
+    words = ["--world", "house_table", "--motion", "pick_and_place"]
+    code, _, err = run(
+        "sim", "mycobot_280", "control:=ros2_control", *words, "--set", "thing=bx"
+    )
+
+    assert code == 2
+    assert "no thing 'bx'" in err
+    assert "the motion is for" not in err
+
+
+def test_list_as_json_has_the_command_of_each_motion(run):
+    commands = json.loads(run("list", "--json")[1])["commands"]
+
+    plain = "arm-drake sim doosan_a0912 --motion topic"
+    assert commands["doosan_a0912"]["topic"] == plain
+    assert commands["mycobot_280"]["trajectories"] == f"{MYCOBOT} --motion trajectories"
 
 
 def test_list_as_json_is_one_object(run):
@@ -195,7 +259,9 @@ def test_list_names_the_examples(run):
     examples = json.loads(listed)["examples"]
     assert "example:ur5_robot" in examples
     assert all(name in out for name in examples)
-    assert max(map(len, out.splitlines())) <= 88
+    # Commands stay whole, to be copied.
+    lines = [line for line in out.splitlines() if "arm-drake sim" not in line]
+    assert max(map(len, lines)) <= 88
 
 
 @pytest.mark.slow

@@ -53,6 +53,10 @@ from arm_drake.controllers.bases.steering_controllers import (
     BicycleSteeringControllerParameters,
     SteeringController,
 )
+from arm_drake.controllers.bases.swerve_drive_controller import (
+    SwerveController,
+    SwerveControllerParameters,
+)
 from arm_drake.controllers.bases.tricycle_controller import (
     TricycleController,
     TricycleControllerParameters,
@@ -485,6 +489,9 @@ FACTORIES: dict[type[LeafSystem], Callable[[], LeafSystem]] = {
             ("a", "b", "c"), wheel_offset=0.0, robot_radius=1.0, wheel_radius=0.1
         ),
         controller_params(),
+    ),
+    SwerveController: lambda: SwerveController(
+        SwerveControllerParameters(*"abcdefgh"), controller_params()
     ),
     GpioCommandController: lambda: GpioCommandController(
         GpioCommandControllerParameters(

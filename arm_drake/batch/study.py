@@ -28,6 +28,7 @@ import cloudpickle
 import numpy as np
 import yaml
 
+from arm_drake import interfaces
 from arm_drake.arrays import Array
 from arm_drake.batch.changes import change_robot
 from arm_drake.batch.runs import Run
@@ -35,6 +36,7 @@ from arm_drake.description.robot import Robot
 from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.hardware.noise_and_delay import check_noise
 from arm_drake.importing import dataclass
+from arm_drake.interfaces import unit_of_all
 from arm_drake.manager.hardware_interfaces import find_hardware_interfaces
 from arm_drake.options import SimulationOptions
 from arm_drake.plant.payloads import check_link, read_payload
@@ -462,6 +464,16 @@ MEASURES: Mapping[str, Callable[[Rollout], float]] = {
     "energy": _energy,
 }
 
+# Their units, by the interface that they are of, and those of others.
+_INTERFACES = {
+    "end_error": interfaces.POSITION,
+    "tracking_error": interfaces.POSITION,
+    "end_speed": interfaces.VELOCITY,
+    "peak_speed": interfaces.VELOCITY,
+    "peak_effort": interfaces.EFFORT,
+}
+_UNITS = {"settling_time": "s", "energy": "J"}
+
 
 class Measures:
     """Takes the measures of a simulation that has run, and whether all went well."""
@@ -477,6 +489,14 @@ class Measures:
     def names(self) -> tuple[str, ...]:
         """Names of the measures."""
         return tuple(name for name, _ in self._measures)
+
+    def unit(self, name: str, robot: Robot) -> str:
+        """Return the unit of a measure of a robot; "" of a function of the user's."""
+        if (name, name) not in self._measures:
+            return ""
+        types = [joint.type for joint in robot.description.movable_joints]
+        interface = _INTERFACES.get(name)
+        return _UNITS[name] if interface is None else unit_of_all(interface, types)
 
     def __call__(self, simulation: Simulation) -> dict[str, float]:
         """Return numbers by name; `success` is 1 if all goals ended well, else 0."""

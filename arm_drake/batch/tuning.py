@@ -33,6 +33,7 @@ from arm_drake.description.ros2_control import CLASSIC
 from arm_drake.diagram import build_diagram
 from arm_drake.errors import ArmDrakeError, InputError, suggest
 from arm_drake.importing import dataclass
+from arm_drake.interfaces import unit_of_all
 from arm_drake.messages import (
     Duration,
     JointTrajectory,
@@ -99,8 +100,13 @@ class Response(NamedTuple):
 
     def __str__(self) -> str:
         """Return it in words."""
+        return self.describe()
+
+    def describe(self, unit: str = "") -> str:
+        """Return it in words, with the unit of its error if that is given."""
+        error = f"{self.end_error:.4f} {unit}".rstrip()
         return (
-            f"end error {self.end_error:.4f}, overshoot {100 * self.overshoot:.1f} %, "
+            f"end error {error}, overshoot {100 * self.overshoot:.1f} %, "
             f"settled {self.settling_time:.2f} s"
         )
 
@@ -175,9 +181,18 @@ class Tuning:
         after = self.after
         return after.settling_time <= self.settle and after.overshoot <= self.overshoot
 
+    @property
+    def error_unit(self) -> str:
+        """Unit of the errors at the end."""
+        types = [self.robot.description.joint(pid.joint).type for pid in self.pids]
+        return unit_of_all(self.pids[0].quantity, types)
+
     def to_text(self) -> str:
         """Return the gains as YAML, or as the plugins' tags, with what they promise."""
-        promise = f"{self.robot.name}: {self.after} (before: {self.before})"
+        after, before = (
+            each.describe(self.error_unit) for each in (self.after, self.before)
+        )
+        promise = f"{self.robot.name}: {after} (before: {before})"
         kind = self.pids[0].kind
         if kind == "plugin":
             tags = "".join(_tags_of(pid, self.gains) for pid in self.pids)
@@ -509,7 +524,9 @@ def _command_controller(
             tuple(points), time_from_start=Duration.of(settle / 2)
         )
         joints = tuple(map(str, names))
-        handle.send_trajectory(JointTrajectory(joint_names=joints, points=(point,)))
+        trajectory = JointTrajectory(joint_names=joints, points=(point,))
+        # Said where from, it is not warned of: steps may be faster than joints.
+        handle.send_trajectory(trajectory, where="step")
     else:
         handle.command(points)
     return steps

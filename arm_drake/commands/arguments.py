@@ -293,7 +293,7 @@ def _add_shown_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_scene_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what happens, where it does, and how it starts."""
     add = parser.add_argument
-    add("--motion", metavar="NAME|FILE", help="what to send to the controllers")
+    add("--motion", metavar="NAME|FILE", help="what to send (arm-drake list)")
     add(
         "--set",
         metavar="NAME=VALUE",

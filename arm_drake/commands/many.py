@@ -10,10 +10,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from arm_drake import interfaces
 from arm_drake.batch.api import run_many
 from arm_drake.batch.runs import Outcome, RunResults, RunsInterrupted, describe
 from arm_drake.batch.statistics import mean_interval, rate_interval
 from arm_drake.batch.study import Study, load_study
+from arm_drake.description.robot import Robot
 from arm_drake.errors import InputError, MissingExtraError
 from arm_drake.output_files import check_writable, writing
 
@@ -60,7 +62,8 @@ def run_study(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(content))
     else:
-        _print(content, folder)
+        units = {n: study.measures.unit(n, study.robot) for n in content["measures"]}
+        _print(content, folder, units)
     return _FAILED if content["failed"] else _WELL
 
 
@@ -104,8 +107,10 @@ def _show_run(
         [run], keep=lambda sim: (Outcome.of(sim), study.measures(sim)), progress=False
     )
     outcome, measured = result.value
-    for name, value in {**values[options.run], **measured}.items():
-        print(f"{name}: {_text(value)}")
+    for name, value in values[options.run].items():
+        print(f"{name}: {_text(value, _unit_of_varied(name, study.robot))}")
+    for name, value in measured.items():
+        print(f"{name}: {_text(value, study.measures.unit(name, study.robot))}")
     rollout = outcome.rollout
     if options.plot is not None:
         rollout.plot(options.plot)
@@ -114,6 +119,14 @@ def _show_run(
     for failure in outcome.failures:
         print(f"arm-drake: {failure}", file=sys.stderr)
     return _FAILED if outcome.failures else _WELL
+
+
+def _unit_of_varied(name: str, robot: Robot) -> str:
+    """Return the unit of what a study varies, where there is one for all it can be."""
+    kind, _, rest = name.partition(".")
+    if kind == "initial":
+        return interfaces.unit(interfaces.POSITION, robot.description.joint(rest).type)
+    return {"payload": "kg"}.get(kind, "")
 
 
 def _tabulate(
@@ -180,7 +193,7 @@ def _summarize(
     }
 
 
-def _print(content: Mapping[str, Any], folder: Path) -> None:
+def _print(content: Mapping[str, Any], folder: Path, units: Mapping[str, str]) -> None:
     seconds = content["wall_time"]
     print(f"{content['runs']} runs in {seconds:.1f} s; {content['where']}")
     low, high = content["success"]["interval"]
@@ -190,10 +203,11 @@ def _print(content: Mapping[str, Any], folder: Path) -> None:
         if found is None:
             print(f"{name}: no run has it")
             continue
+        unit = units[name]
         ends = [_text(x) if x is not None else "?" for x in found["interval"]]
         print(
-            f"{name}: {_text(found['mean'])} ({' to '.join(ends)}), "
-            f"from {_text(found['least'])} to {_text(found['largest'])}; "
+            f"{name}: {_text(found['mean'], unit)} (95 %: {' to '.join(ends)}), "
+            f"from {_text(found['least'])} to {_text(found['largest'], unit)}; "
             f"largest in runs {', '.join(map(str, found['worst_runs']))}: "
             f"{found['show']}"
         )
@@ -202,5 +216,6 @@ def _print(content: Mapping[str, Any], folder: Path) -> None:
     print(f"in {folder}: {RESULTS}, {TABLE}, {PICTURE}")
 
 
-def _text(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+def _text(value: Any, unit: str = "") -> str:
+    text = f"{value:.4g}" if isinstance(value, float) else str(value)
+    return f"{text} {unit}" if unit else text

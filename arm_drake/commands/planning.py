@@ -12,6 +12,7 @@ from typing import Any
 
 import yaml
 
+from arm_drake import interfaces
 from arm_drake.commands.arguments import loading_words
 from arm_drake.description.elements import parse_comma_separated, parse_float
 from arm_drake.description.robot import Robot
@@ -71,7 +72,9 @@ def run_ik(options: argparse.Namespace, robot: Robot) -> int:
             print(f"solution {number}:")
         width = max(map(len, positions))
         for name, position in positions.items():
-            print(f"{name:<{width}}  {position: .6f}")
+            type_ = robot.description.joint(name).type
+            unit = interfaces.unit(interfaces.POSITION, type_)
+            print(f"{name:<{width}}  {position: .6f} {unit}")
     return 0
 
 

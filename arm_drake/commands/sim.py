@@ -7,6 +7,7 @@ import importlib.util
 import json
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -38,7 +39,7 @@ from arm_drake.description.elements import parse_comma_separated
 from arm_drake.description.joints import WORLD
 from arm_drake.description.robot import Robot
 from arm_drake.diagram import build_diagram
-from arm_drake.errors import InputError, SimulationError
+from arm_drake.errors import ArmDrakeWarning, InputError, SimulationError
 from arm_drake.options import SimulationOptions
 from arm_drake.output_files import PLOT_KINDS
 from arm_drake.plant.payloads import Payload
@@ -203,6 +204,13 @@ def load_scene_of(options: argparse.Namespace) -> Scene:
 
 def simulate(options: argparse.Namespace, scene: Scene | Robot) -> int:
     """Simulate a scene as the command line says; return the exit code."""
+    with warnings.catch_warnings():
+        # What players warn of is said before anything moves.
+        warnings.simplefilter("ignore", ArmDrakeWarning)
+        return _simulate(options, scene)
+
+
+def _simulate(options: argparse.Namespace, scene: Scene | Robot) -> int:
     if isinstance(scene, Robot):
         # What is wrong with the world is told first.
         load_world(options.world or "empty", scene.package_paths)

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from arm_drake import interfaces
+from arm_drake.batch.changes import Pid
 from arm_drake.batch.tuning import Response, Tuning, tune_gains
 from arm_drake.description.elements import parse_comma_separated
 from arm_drake.description.robot import Robot
@@ -84,18 +86,28 @@ def _print(found: Tuning, output: Path | None) -> None:
     width = max(len(pid.joint) for pid in found.pids)
     print(f"{'':{width}}  {'p':>10}  {'i':>10}  {'d':>10}   before: p, i, d")
     for pid in found.pids:
+        type_ = found.robot.description.joint(pid.joint).type
         new = "  ".join(f"{x:>10.4g}" for x in found.gains[pid.joint][:3])
         old = ", ".join(f"{x:.4g}" for x in pid.gains[:3])
-        print(f"{pid.joint:{width}}  {new}   {old}")
+        print(f"{pid.joint:{width}}  {new}   {old}   [{_units(pid, type_)}]")
     print("the worst of moves in poses and with payloads that were not tuned for:")
-    print(f"before: {found.before}")
-    print(f"after:  {found.after}")
+    print(f"before: {found.before.describe(found.error_unit)}")
+    print(f"after:  {found.after.describe(found.error_unit)}")
     if not found.keeps_promise:
         print(f"not {found.settle:g} s and {100 * found.overshoot:g} % as asked")
     if output is not None:
         print(f"written: {output}")
     else:
         print(found.to_text(), end="")
+
+
+def _units(pid: Pid, joint_type: str) -> str:
+    """Return the units of p, i and d, which make efforts of what is controlled."""
+    effort = interfaces.unit(interfaces.EFFORT, joint_type)
+    base = interfaces.unit(interfaces.POSITION, joint_type)
+    if pid.quantity == interfaces.POSITION:
+        return f"{effort}/{base}, {effort}/({base}·s), {effort}·s/{base}"
+    return f"{effort}·s/{base}, {effort}/{base}, {effort}·s²/{base}"
 
 
 def _plot(path: Path, found: Tuning) -> None:

@@ -53,9 +53,10 @@ class ActiveGoal(Message):
             return False
         return not self.is_canceling or outcome.status is GoalStatus.CANCELED
 
-    def end(self, status: GoalStatus, result: Result) -> "ActiveGoal":
+    def end(self, status: GoalStatus, result: Result, detail: str = "") -> "ActiveGoal":
         """Return the goal with its outcome; the monitor will tell."""
-        return dc.replace(self, outcome=GoalEvent(self.request, status, result))
+        event = GoalEvent(self.request, status, result, detail=detail)
+        return dc.replace(self, outcome=event)
 
     def next_monitor(self, now_ns: int, period_ns: int) -> int:
         """Return when the monitor looks again after now [ns]."""

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from arm_drake.arrays import Array, Mask
-from arm_drake.errors import suggest
+from arm_drake.errors import counted, suggest
 from arm_drake.importing import dataclass
 from arm_drake.messages import FollowJointTrajectoryGoal, JointTolerance, Message
 
@@ -27,6 +27,9 @@ EPSILON: Final = float(np.finfo(np.float32).eps)
 _SAFE = 1.0 - 1e-9
 
 _FIELDS = ("position", "velocity", "acceleration")
+
+# What follows rad or m in their units.
+_PER_TIME = {"position": "", "velocity": "/s", "acceleration": "/s^2"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +189,38 @@ def exceeds(
         return False
     errors = (error_position, error_velocity, error_acceleration)
     return bool(violates(*errors, tolerances).any())
+
+
+def describe_violation(
+    errors: Sequence[Array | None],
+    tolerances: StateTolerances,
+    kind: str,
+    joints: Sequence[str],
+    is_prismatic: Mask | None = None,
+) -> str:
+    """Return which joint is off by how much, compared with its tolerance the most.
+
+    `errors` of position, velocity and acceleration, shape (n,), as for `violates`;
+    `kind` is what the tolerances are called, `is_prismatic` has shape (n,).
+    """
+    worst, text, off = 1.0, "", np.zeros(len(joints), dtype=bool)
+    for field, error, limit in zip(_FIELDS, errors, tolerances._limits, strict=True):
+        if error is None or limit is None:
+            continue
+        size = np.abs(error)
+        off |= size > limit
+        ratio = np.where(size > limit, size / limit, 0.0)
+        joint = int(np.argmax(ratio))
+        if ratio[joint] > worst:
+            worst = ratio[joint]
+            is_sliding = is_prismatic is not None and is_prismatic[joint]
+            unit = ("m" if is_sliding else "rad") + _PER_TIME[field]
+            text = (
+                f"{field} of {joints[joint]!r} is off by {size[joint]:.3g} {unit}, "
+                f"its {kind} tolerance is {limit[joint]:.3g} {unit}"
+            )
+    others = int(off.sum()) - 1
+    return f"{text}; {counted(others, 'other joint')} too" if others > 0 else text
 
 
 def _resolve_joints(

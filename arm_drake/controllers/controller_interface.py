@@ -442,9 +442,9 @@ class TickingController(ControllerInterface, Generic[S]):
                 interfaces.EXPORT_PORT,
                 len(self.exported_interfaces),
                 lambda context, output: output.SetFromVector(
-                    self._export(self._state(context))
+                    self._export_last(context)
                 ),
-                prerequisites_of_calc={self._ticks.ticket},
+                prerequisites_of_calc={self._ticks.ticket, self._measured.ticket()},
             )
 
     def add_command_values(
@@ -642,6 +642,10 @@ class TickingController(ControllerInterface, Generic[S]):
     def _command(self, state: S) -> Array:
         """Return the commands of a state, shape (k,); NaN leaves one as it is."""
         return _NO_COMMAND
+
+    def _export_last(self, context: Context) -> Array:
+        """Return what the last tick exported, or something else before the first."""
+        return self._export(self._state(context))
 
     def _export(self, state: S) -> Array:
         """Return the exported state interfaces of a state."""

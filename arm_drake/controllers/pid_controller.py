@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
+from pydrake.systems.framework import Context
 
 from arm_drake import interfaces
 from arm_drake.arrays import Array, Mask
@@ -448,7 +449,8 @@ class PidController(TopicController[PidControllerState]):
     measured_state             --    MultiDOFCommand: measurements; there only with
                                      ``use_external_measured_states``
     command_interfaces         --    UpdateResult; command (n,)
-    exported_state_interfaces  nm    measurements of the last tick
+    exported_state_interfaces  nm    measurements of the last tick; before the first
+                                     one, those of now
     controller_state           --    MultiDOFStateStamped
     events                     --    tuple of the latest (number, event), the newest
                                      last; an event is a TopicRejected or a
@@ -589,6 +591,21 @@ class PidController(TopicController[PidControllerState]):
     ) -> PidControllerState:
         nothing = self._unknown[: len(self._dofs)]
         return state._replace(control=state.control._replace(command=nothing))
+
+    def _export_last(self, context: Context) -> Array:
+        """Return what the last tick measured; before the first, what is measured.
+
+        ROS 2 activates who commands it after it, so that one never sees it without a
+        tick; here both may start in the same cycle.
+        """
+        state = self._state(context)
+        if (
+            state.time_ns is None
+            and not self._is_external
+            and self._read_at is not None
+        ):
+            return self._read(context)
+        return self._export(state)
 
     def _export(self, state: PidControllerState) -> Array:
         return state.control.measured

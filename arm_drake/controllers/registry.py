@@ -118,6 +118,7 @@ STANDARD_TYPES: Mapping[str, str] = {
     "omni_wheel_drive_controller/OmniWheelDriveController": (
         "bases.omni_wheel_drive_controller"
     ),
+    "swerve_drive_controller/SwerveController": "bases.swerve_drive_controller",
     "admittance_controller/AdmittanceController": "admittance_controller",
     "gpio_controllers/GpioCommandController": "gpio_controllers",
     "chained_filter_controller/ChainedFilter": "chained_filter_controller",

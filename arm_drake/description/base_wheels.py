@@ -92,6 +92,7 @@ def find_bases(
     """
     bases = []
     joints = {joint.name for joint in description.movable_joints}
+    followers = {controller.name for controller in config.controllers}
     for controller in config.controllers:
         tags = [
             tag
@@ -124,33 +125,63 @@ def find_bases(
             for tag in controller.plugins
             if isinstance(tag, BaseHolder)
         ]
-        bases += _bases_by_parameters(description, controller, joints)
+        if controller.type in WHEEL_PARAMETERS:
+            bases.append(
+                _base_by_parameters(description, controller, joints, followers)
+            )
+    known = {joint for base in bases for joint in base.driven}
+    for controller in config.controllers:
+        if controller.type in WHEEL_PARAMETERS:
+            continue
+        wheels = _claimed_wheels(description, controller)
+        if not known.issuperset(wheels):
+            bases.append(MobileBase(controller.name, wheels, (), description.base))
     return tuple(bases)
 
 
-def _bases_by_parameters(
-    description: RobotDescription, controller: ControllerConfig, joints: set[str]
-) -> Iterator[MobileBase]:
-    """Yield the base that the parameters of a controller say that it drives, if any."""
-    if controller.type not in WHEEL_PARAMETERS:
-        if wheels := _claimed_wheels(description, controller):
-            yield MobileBase(controller.name, wheels, (), description.base)
-        return
+def _base_by_parameters(
+    description: RobotDescription,
+    controller: ControllerConfig,
+    joints: Collection[str],
+    followers: Collection[str],
+) -> MobileBase:
+    """Return the base that the parameters of a controller say that it drives.
+
+    A joint that it commands through a controller of `followers` has that one's name in
+    front.
+    """
     parameters = WHEEL_PARAMETERS[controller.type]
     if parameters is STEERING:
         older = humble_wheel_parameters(controller)
         parameters = tuple((*a, b) for a, b in zip(STEERING, older, strict=True))
     driven, steered = (
-        tuple(n for n in dict.fromkeys(texts_of(controller, *names)) if n in joints)
+        tuple(
+            joint
+            for joint in dict.fromkeys(
+                _joint_behind(name, followers) for name in texts_of(controller, *names)
+            )
+            if joint in joints
+        )
         for names in parameters
     )
-    frame = controller.parameters.get("base_frame_id")
+    frame = next(
+        (controller.parameters[n] for n in _FRAMES if n in controller.parameters), None
+    )
     link = "base_link" if frame is None else str(frame.value)
     if link not in description.links:
         link = description.base
     slants, radius = _rollers_by_parameters(controller, len(driven))
-    yield MobileBase(controller.name, driven, steered, link, slants, radius)
+    return MobileBase(controller.name, driven, steered, link, slants, radius)
 
+
+def _joint_behind(name: str, followers: Collection[str]) -> str:
+    """Return the joint of a name such as `pid/wheel`, if `pid` is a controller."""
+    follower, _, joint = name.partition("/")
+    return joint if follower in followers else name
+
+
+# Parameters with the frame of the base.
+_FRAMES: Final = ("base_frame_id", "base_footprint")
 
 # The part of a wheel's axis that may point up: a cosine.
 _LEVEL = 0.1

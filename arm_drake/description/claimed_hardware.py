@@ -25,6 +25,7 @@ _INTERFACES = (
 )
 
 # Parameters of bases that name driven joints, and those that name steered ones.
+_CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
 STEERING = (("traction_joints_names",), ("steering_joints_names",))
 WHEEL_PARAMETERS: Mapping[str, Sequence[Sequence[str]]] = {
     "diff_drive_controller/DiffDriveController": (
@@ -41,6 +42,10 @@ WHEEL_PARAMETERS: Mapping[str, Sequence[Sequence[str]]] = {
         (),
     ),
     "omni_wheel_drive_controller/OmniWheelDriveController": (("wheel_names",), ()),
+    "swerve_drive_controller/SwerveController": (
+        tuple(f"{corner}_wheel_joint" for corner in _CORNERS),
+        tuple(f"{corner}_axle_joint" for corner in _CORNERS),
+    ),
     "tricycle_controller/TricycleController": (
         ("traction_joint_name",),
         ("steering_joint_name",),

@@ -362,6 +362,7 @@ class _BlockReader(ElementReader):
     def _interfaces(
         self, component: ET.Element, tag: str, where: str
     ) -> Iterator[InterfaceInfo]:
+        taken: dict[str, list[str]] = {}
         for element in component.iterfind(tag):
             name = attribute(element, "name")
             if not name:
@@ -373,11 +374,14 @@ class _BlockReader(ElementReader):
                 name = _PID_INTERFACES.get(name, name)
             full = f"{tag} {attribute(component, 'name')}/{name}"
             if full in self._owners:
-                what = f"block {self._owners[full]!r} has <{tag}> {name!r} already"
-                self.note("warning", "invalid", what, "it is taken once", where)
+                taken.setdefault(self._owners[full], []).append(repr(name))
                 continue
             self._owners[full] = self._name
             yield self._interface(element, name, component.tag == "joint", where)
+        for owner, names in taken.items():
+            what = f"block {owner!r} has <{tag}> {', '.join(names)} already"
+            done = "it is taken once" if len(names) == 1 else "each is taken once"
+            self.note("warning", "invalid", what, done, where)
 
     def _interface(
         self, element: ET.Element, name: str, is_numeric: bool, where: str

@@ -378,7 +378,8 @@ class Environment(gymnasium.Env[Array, Array]):
         takes = Duration.of(self.period)
         point = JointTrajectoryPoint(positions, time_from_start=takes)
         trajectory = JointTrajectory(joint_names=actuation.joints, points=(point,))
-        handle.send_trajectory(trajectory)
+        # Said where from, it is not warned of: actions may be as fast as they like.
+        handle.send_trajectory(trajectory, where="action")
 
     def _read_joints(self) -> tuple[Array, Array]:
         """Return positions [rad, m] and velocities of the joints that are moved."""

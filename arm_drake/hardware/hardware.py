@@ -20,7 +20,11 @@ from arm_drake.description.robot import Robot
 from arm_drake.description.sensors import SensorInfo, accelerating_joints, imu_tags
 from arm_drake.description.urdf import RobotDescription
 from arm_drake.hardware.drives import RobotDrive, add_rotors
-from arm_drake.hardware.joint_friction import make_robot_friction
+from arm_drake.hardware.joint_friction import (
+    DryFriction,
+    find_dry_friction,
+    make_dry_friction,
+)
 from arm_drake.hardware.servo import make_joint_servo, make_push
 from arm_drake.hardware.wiring import Wiring
 from arm_drake.importing import dataclass
@@ -101,60 +105,61 @@ def add_hardware(
     names, alone = drive.names, drive.plant
     add_rotors(plant, dict(zip(names, drive.rotor_inertia, strict=True)), model)
     state = plant.get_state_output_port(model)
-    forces = None
-    if options.friction:
-        friction = make_robot_friction(plant, model, alone, description, initial)
-        if friction is not None:
-            builder.AddNamedSystem(f"{prefix}dry_friction", friction)
-            builder.Connect(state, friction.get_input_port())
-            forces = friction.get_output_port()
-    effort = command = None
-    if names:
-        servo = (
-            make_push(drive.gains.effort_limit)
-            if only_pushes
-            else make_joint_servo(
-                alone,
-                drive.gains,
-                *state_indices(alone, alone.GetModelInstanceByName("robot"), names),
-                drive.N,
-                has_modes=has_modes,
-                has_limits=has_limits,
-                knows_friction=forces is not None and options.friction_compensation,
-                pid=drive.pid,
-                start=np.array([initial[name] for name in names]),
-            )
-        )
+    dry = find_dry_friction(alone, description, initial) if options.friction else None
+    effort = command = friction = None
+    reader: Diagram | None = None
+    if names and not only_pushes:
+        reader = _make_servo(drive, initial, dry, options, has_modes, has_limits)
+        builder.AddNamedSystem(f"{prefix}servo", reader)
+        effort, command = reader.GetOutputPort("effort"), reader.GetInputPort("command")
+    elif names:
+        servo = make_push(drive.gains.effort_limit)
         builder.AddNamedSystem(f"{prefix}servo", servo)
-        if not only_pushes:
-            _connect_servo(builder, servo, plant, model, description, drive, forces)
         effort, command = servo.GetOutputPort("effort"), servo.GetInputPort("command")
+    if dry is not None and reader is None:
+        reader = make_dry_friction(dry, alone.num_multibody_states(), alone.time_step())
+        builder.AddNamedSystem(f"{prefix}dry_friction", reader)
+    if reader is not None:
+        D = _reduced_state(plant, model, alone, description)
+        reduced = Wiring(builder).times(f"{prefix}servo_state", D, state)
+        builder.Connect(reduced, reader.GetInputPort("state"))
+        if dry is not None:
+            D = _picked_velocities(plant, model, dry.names).T
+            tau = reader.GetOutputPort("friction")
+            friction = Wiring(builder).times(f"{prefix}friction_forces", D, tau)
+    if effort is not None:
         builder.Connect(effort, plant.get_actuation_input_port(model))
     motions, joint_states = add_state_interfaces(
         builder, plant, model, description, names, effort, prefix
     )
-    return Hardware(names, command, joint_states, motions, forces, drive)
+    return Hardware(names, command, joint_states, motions, friction, drive)
 
 
-def _connect_servo(
-    builder: DiagramBuilder,
-    servo: Diagram,
-    plant: MultibodyPlant,
-    model: ModelInstanceIndex,
-    description: RobotDescription,
+def _make_servo(
     drive: RobotDrive,
-    forces: OutputPort | None,
-) -> None:
-    """Connect what a servo reads: the state, and dry friction that it makes up for."""
-    prefix = servo.get_name().removesuffix("servo")
-    D = _reduced_state(plant, model, drive.plant, description)
-    state = plant.get_state_output_port(model)
-    reduced = Wiring(builder).times(f"{prefix}servo_state", D, state)
-    builder.Connect(reduced, servo.GetInputPort("state"))
-    if forces is not None and servo.HasInputPort("friction"):
-        D = _picked_velocities(plant, model, drive.names)
-        braked = Wiring(builder).times(f"{prefix}servo_friction", D, forces)
-        builder.Connect(braked, servo.GetInputPort("friction"))
+    initial: Mapping[str, float],
+    dry: DryFriction | None,
+    options: SimulationOptions,
+    has_modes: bool,
+    has_limits: bool,
+) -> Diagram:
+    """Return the servo of a robot's commanded joints, with its joints' friction."""
+    names, alone = drive.names, drive.plant
+    braked = None
+    if dry is not None and options.friction_compensation:
+        braked = np.array([[float(n == m) for m in dry.names] for n in names])
+    return make_joint_servo(
+        alone,
+        drive.gains,
+        *state_indices(alone, alone.GetModelInstanceByName("robot"), names),
+        drive.N,
+        has_modes=has_modes,
+        has_limits=has_limits,
+        dry=dry,
+        braked=braked,
+        pid=drive.pid,
+        start=np.array([initial[name] for name in names]),
+    )
 
 
 def _picked_velocities(

@@ -1,13 +1,12 @@
 """Dry friction of a robot's joints, as Drake systems in C++."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.systems.primitives import Adder, AffineSystem, Saturation, ZeroOrderHold
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import LinearSystem, MatrixGain, Saturation
 
 from arm_drake.arrays import Array
 from arm_drake.control.servo import FrictionGains, compute_friction_gains
@@ -20,67 +19,6 @@ from arm_drake.plant.joint_dynamics import (
     velocity_map,
 )
 from arm_drake.plant.plant import state_indices
-
-
-def make_dry_friction(
-    friction: Array,
-    gains: FrictionGains,
-    initial: Array,
-    num_states: int,
-    positions_at: list[int],
-    velocities_at: list[int],
-    num_velocities: int,
-    h: float,
-) -> Diagram:
-    """Return elastoplastic dry friction of n joints, with true sticking.
-
-    The joint is held at an anchor a by a PD law that gives way at the friction f::
-
-        tau  = clamp(kf (a - q) - df v, ±f)         a[+] = q + (tau + df v) / kf
-
-    The input is the robot's state, the output the generalized forces on the robot's
-    velocities. The state is a less the initial positions, so that it starts at zero,
-    and zeros for the velocities.
-    """
-    n = len(friction)
-    one, zero = np.eye(n), np.zeros((n, n))
-    kf, df = np.diag(gains.kf), np.diag(gains.df)
-    # The positions turn round, for anchors are added to them.
-    picked = np.eye(num_states)[[*positions_at, *velocities_at]]
-    picked[:n] *= -1.0
-    start = np.concatenate([initial, np.zeros(n)])
-    D = np.zeros((num_velocities, n))
-    D[np.array(velocities_at) - (num_states - num_velocities), np.arange(n)] = 1.0
-    wiring = Wiring(DiagramBuilder())
-    builder = wiring.builder
-    hold = builder.AddNamedSystem("a", ZeroOrderHold(h, 2 * n))
-    back = wiring.add("back", _affine(picked, start), Source("state", num_states))
-    # Differences of positions are taken first: these are small.
-    gap = builder.AddNamedSystem("gap", Adder(2, 2 * n))
-    for index, port in enumerate((back, hold.get_output_port())):
-        builder.Connect(port, gap.get_input_port(index))
-    pull = wiring.times("pull", np.hstack([kf, -df]), gap.get_output_port())
-    limits = Saturation(min_value=-friction, max_value=friction)
-    tau = wiring.add("tau", limits, pull)
-    inverse = np.diag(1.0 / gains.kf)
-    anchor = np.block([[-one, inverse @ df, inverse], [zero, zero, zero]])
-    moved = wiring.times("moved", anchor, back, tau)
-    builder.Connect(moved, hold.get_input_port())
-    builder.ExportOutput(wiring.times("forces", D, tau), "forces")
-    return builder.Build()
-
-
-def _affine(D: Array, y0: Array) -> AffineSystem:
-    """Return what computes D u + y0 of its input u."""
-    none = np.zeros((0, 0))
-    return AffineSystem(
-        A=none,
-        B=np.zeros((0, D.shape[1])),
-        f0=np.zeros(0),
-        C=np.zeros((len(D), 0)),
-        D=D,
-        y0=y0,
-    )
 
 
 class JointFriction(NamedTuple):
@@ -100,28 +38,90 @@ class JointFriction(NamedTuple):
         return self.friction / self.gains.kf
 
 
-def make_robot_friction(
-    plant: MultibodyPlant,
-    model: ModelInstanceIndex,
-    alone: MultibodyPlant,
-    description: RobotDescription,
-    initial: Mapping[str, float],
-) -> Diagram | None:
+class DryFriction:
+    """Elastoplastic dry friction of k joints, with true sticking, in two systems.
+
+    A joint is held at an anchor a by a PD law that gives way at the friction f::
+
+        tau  = clamp(kf (a - q) - df v, ±f)         a[+] = q + (tau + df v) / kf
+
+    From step to step kf a is kept, which is tau + kf q + df v: sums of what it is read
+    from, so that it can stand in one system with what else is kept.
+    """
+
+    def __init__(
+        self,
+        found: JointFriction,
+        start: Sequence[float],
+        num_states: int,
+        positions_at: Sequence[int],
+        velocities_at: Sequence[int],
+    ) -> None:
+        """Create it for joints at indices of a robot's state; they start at rest."""
+        self.names, self._limit = found.names, found.friction
+        kf, df = np.diag(found.gains.kf), np.diag(found.gains.df)
+        picked = np.eye(num_states)[[*positions_at, *velocities_at]]
+        self._K = np.hstack([kf, df]) @ picked
+        self.kept_at_start = found.gains.kf * start
+
+    @property
+    def num_joints(self) -> int:
+        """Number of joints k."""
+        return len(self.names)
+
+    def add(self, wiring: Wiring, read: OutputPort) -> OutputPort:
+        """Add the output of what computes tau of the state, then of what is kept."""
+        pull = MatrixGain(np.hstack([-self._K, np.eye(self.num_joints)]))
+        limits = Saturation(min_value=-self._limit, max_value=self._limit)
+        tau = wiring.add("friction", limits, wiring.add("pull", pull, read))
+        wiring.builder.ExportOutput(tau, "friction")
+        return tau
+
+    def keep(self) -> Array:
+        """Return what makes of the state, then tau, what is kept."""
+        return np.hstack([self._K, np.eye(self.num_joints)])
+
+
+def make_memory(made_of: Array, start: Array, h: float) -> LinearSystem:
+    """Return a system that shows at each step what it was given in the last one.
+
+    It keeps a matrix times its input. A system that keeps something makes all that
+    hangs on it out of date at each step, so what is kept is best in one.
+    """
+    none, one = np.zeros((len(made_of), len(made_of))), np.eye(len(made_of))
+    memory = LinearSystem(A=none, B=made_of, C=one, D=0.0 * made_of, time_period=h)
+    memory.configure_default_state(start)
+    return memory
+
+
+def make_dry_friction(dry: DryFriction, num_states: int, h: float) -> Diagram:
+    """Return dry friction on its own: its input is the robot's state."""
+    wiring = Wiring(DiagramBuilder())
+    state = Source("state", num_states)
+    memory = make_memory(dry.keep(), dry.kept_at_start, h)
+    kept = wiring.builder.AddNamedSystem("memory", memory).get_output_port()
+    tau = dry.add(wiring, wiring.join("inputs", [state, kept]))
+    found = wiring.join("memory:inputs", [state, tau])
+    wiring.builder.Connect(found, memory.get_input_port())
+    return wiring.build("dry_friction")
+
+
+def find_dry_friction(
+    alone: MultibodyPlant, description: RobotDescription, initial: Mapping[str, float]
+) -> DryFriction | None:
     """Return the dry friction of a robot's joints, or None if there is none.
 
-    `alone` is the plant of `make_servo_plant`.
+    `alone` is the plant of `make_servo_plant`, whose state it reads; `initial` are the
+    positions of joints by their names.
     """
     found = find_friction(alone, description)
     if not found.names:
         return None
-    return make_dry_friction(
-        found.friction,
-        found.gains,
-        np.array([initial[name] for name in found.names]),
-        plant.num_multibody_states(model),
-        *state_indices(plant, model, found.names),
-        plant.num_velocities(model),
-        plant.time_step(),
+    return DryFriction(
+        found,
+        [initial[name] for name in found.names],
+        alone.num_multibody_states(),
+        *state_indices(alone, alone.GetModelInstanceByName("robot"), found.names),
     )
 
 

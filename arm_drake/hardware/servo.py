@@ -40,8 +40,8 @@ SymbolicVectorSystem, which costs more than what is computed with them.
     input_ports:
     - state
     - command
-    - friction
     output_ports:
+    - friction
     - effort
 
 ========  ========  ==========  ======================================================
@@ -54,7 +54,7 @@ command   2n or 7n  rad, rad/s  desired positions, then desired velocities; with
                                 alone is followed (1 or 0); with limits 2n more, lower
                                 limits of efforts and of the velocities of approaches,
                                 0 where there is none
-friction  n         N·m         dry friction, if it is made up for
+friction  k         N·m         dry friction of k joints, if there is any
 effort    n         N·m         what the actuators apply, within the effort limits
 ========  ========  ==========  ======================================================
 """
@@ -75,7 +75,6 @@ from pydrake.systems.primitives import (
     LinearSystem,
     Saturation,
     SymbolicVectorSystem,
-    ZeroOrderHold,
 )
 
 from arm_drake.arrays import Array
@@ -88,6 +87,7 @@ from arm_drake.control.drive_commands import (
 )
 from arm_drake.control.servo import ServoGains
 from arm_drake.description.ros2_control import PidGains
+from arm_drake.hardware.joint_friction import DryFriction, make_memory
 from arm_drake.hardware.wiring import Port, Source, Wiring
 from arm_drake.importing import dataclass
 
@@ -230,10 +230,18 @@ class Observer:
             u = if_then_else(s < 1.0, s * u, u)
         return self._kept[i] + self._gains.observer_gain * u
 
+    @property
+    def state_at(self) -> int:
+        """Place of the robot's state in what these are made of."""
+        num_parts = 4 if self._layout.has_modes else 2
+        return num_parts * len(self._kept) + len(self.gripper_positions)
+
     def matrix(self, h: float) -> Array:
         """Return what makes these of the law's output, the robot's state, and s."""
         n, b, m = self._layout.num_joints, self._gains.observer_gain, len(self._scale)
         V = np.zeros((n, self._layout.num_states))
+        if not self.variables:
+            return np.zeros((0, V.shape[1]))
         V[np.arange(n), self._layout.velocities_at] = b / h
         one, zero = np.eye(n), np.zeros((n, n))
         parts = [[zero, (1.0 - b) * one], [one, one]]
@@ -243,7 +251,7 @@ class Observer:
         sent = np.eye(len(self.gripper_positions) + m)
         found = np.zeros((len(self.variables), law.shape[1] + V.shape[1] + len(sent)))
         found[: 2 * n, : law.shape[1]] = law
-        at = law.shape[1] + len(self.gripper_positions)
+        at = self.state_at
         found[:n, at : at + V.shape[1]] = V
         columns = [*range(law.shape[1], at), *range(at + V.shape[1], found.shape[1])]
         found[2 * n :, columns] = sent
@@ -255,8 +263,8 @@ def acceleration_law(
 ) -> SymbolicVectorSystem:
     """Return what computes the accelerations u.
 
-    Its input is the state, the command, what the observer remembers, and with modes
-    what `measured_acceleration` says. Its output is u; with an observer u - I, I, then
+    Its input is the state, the command, with modes what `measured_acceleration` says,
+    and what the observer remembers. Its output is u; with an observer u - I, I, then
     with modes what joints have and what is to be added to their w where a commanded
     effort alone counts, and the positions that grippers are sent to. Nothing is
     computed twice.
@@ -289,7 +297,7 @@ def acceleration_law(
                 for flag, value in zip(command.is_tau, values, strict=True)
             ]
     found += [Expression(command.q_d[i]) for i in observer.gripper_positions]
-    inputs = [*x, *command.variables, *observer.variables, *a, *r]
+    inputs = [*x, *command.variables, *a, *r, *observer.variables]
     return function(inputs, found)
 
 
@@ -575,7 +583,8 @@ def make_joint_servo(
     *,
     has_modes: bool = False,
     has_limits: bool = False,
-    knows_friction: bool = False,
+    dry: DryFriction | None = None,
+    braked: Array | None = None,
     pid: DrivePid | None = None,
     start: Array | None = None,
 ) -> Diagram:
@@ -583,10 +592,11 @@ def make_joint_servo(
 
     The plant holds this robot alone, with the step's damping and its drives' rotors as
     rotor inertia; N is as for `sample_dynamics`. `has_limits` says that effort and
-    velocity may be limited at run time, `knows_friction` that dry friction is told and
-    made up for. With modes, joints may follow anything else than positions, or the law
-    of a PID. With a part of the last command, and then neither modes nor limits, there
-    are initial positions [rad], shape (n,).
+    velocity may be limited at run time. `dry` is the friction of k joints, and `braked`
+    says what of it is made up for, as efforts of the n joints, shape (n, k). With
+    modes, joints may follow anything else than positions, or the law of a PID. With a
+    part of the last command, and then neither modes nor limits, there are initial
+    positions [rad], shape (n,).
     """
     h = control_plant.time_step()
     layout = Layout(2 * len(N), positions_at, velocities_at, has_modes, has_limits)
@@ -598,34 +608,86 @@ def make_joint_servo(
     if pid is not None:
         command = wiring.add("pid", pid_law(pid, layout, h), state, command)
     if gains.last_command:
-        assert start is not None
-        assert not has_modes
-        assert not has_limits
-        mixed = mixed_command(gains.last_command, start, h)
-        command = wiring.add("mixed", mixed, command)
+        command = _add_mixing(wiring, gains, layout, start, h, command)
     read: list[Port] = [state, command]
-    hold = None
-    if gains.observer_gain:
-        hold = ZeroOrderHold(h, len(observer.variables))
-        read.append(wiring.builder.AddNamedSystem("w", hold).get_output_port())
     if has_modes:
         measured = measured_acceleration(gains, layout, h)
         read.append(wiring.add("measured_acceleration", measured, state))
-    law = wiring.add(
-        "acceleration", acceleration_law(gains, layout, observer, h), *read
-    )
-    friction = [Source("friction", layout.num_joints)] if knows_friction else []
+    memory = _make_memory(observer, layout, dry, h)
+    if memory is not None:
+        kept = wiring.builder.AddNamedSystem("memory", memory)
+        read.append(kept.get_output_port())
+    law_of = acceleration_law(gains, layout, observer, h)
+    num_read = law_of.get_input_port().size()
+    law_reads, friction_reads = _add_inputs(wiring, read, num_read, dry)
+    law = wiring.add("acceleration", law_of, law_reads)
     # Of the law's output, u is the sum of its first parts.
     parts = (2 + has_modes if gains.observer_gain else 1) * [N]
     rest = np.zeros((len(N), law.size() - sum(part.shape[1] for part in parts)))
     u = wiring.times("spread", np.hstack([*parts, rest]), law)
+    friction = [dry.add(wiring, friction_reads)] if dry is not None else []
     scale = _add_efforts(
-        wiring, laws, layout, control_plant, N, state, command, u, friction
+        wiring, laws, layout, control_plant, N, state, command, u, friction, braked
     )
-    if hold is not None:
-        new = wiring.times("observer", observer.matrix(h), law, state, *scale)
-        wiring.builder.Connect(new, hold.get_input_port())
+    if memory is not None:
+        found = [law, state, *scale] if gains.observer_gain else [state]
+        new = wiring.join("memory:inputs", [*found, *friction])
+        wiring.builder.Connect(new, memory.get_input_port())
     return wiring.build("servo")
+
+
+def _add_mixing(
+    wiring: Wiring,
+    gains: ServoGains,
+    layout: Layout,
+    start: Array | None,
+    h: float,
+    command: Port,
+) -> OutputPort:
+    """Add what gives commands a part of the last one; they start at positions."""
+    assert start is not None
+    assert not layout.has_modes
+    assert not layout.has_limits
+    return wiring.add("mixed", mixed_command(gains.last_command, start, h), command)
+
+
+def _add_inputs(
+    wiring: Wiring, read: Sequence[Port], num_law: int, dry: DryFriction | None
+) -> tuple[OutputPort, OutputPort]:
+    """Return what the law reads of ports, and what friction does: the same if none.
+
+    The state is the first of the ports. The last one is what is kept, the observer's
+    values, then those of friction.
+    """
+    rows: dict[str, Sequence[int]] = {"law": range(num_law)}
+    if dry is not None:
+        num_all = sum(port.size() for port in read)
+        rows["friction"] = [
+            *range(read[0].size()),
+            *range(num_all - dry.num_joints, num_all),
+        ]
+    inputs = wiring.pick_all("inputs", rows, *read)
+    return inputs["law"], inputs["friction" if dry is not None else "law"]
+
+
+def _make_memory(
+    observer: Observer, layout: Layout, dry: DryFriction | None, h: float
+) -> LinearSystem | None:
+    """Return what keeps the values of an observer and of dry friction, if any.
+
+    Its input is, with an observer, the law's output, then the state, with an observer
+    s, and the friction.
+    """
+    made = observer.matrix(h)
+    start = np.zeros(len(made))
+    if dry is not None:
+        at, k = observer.state_at, dry.num_joints
+        made = np.pad(made, ((0, k), (0, k)))
+        keep = dry.keep()
+        made[-k:, at : at + layout.num_states] = keep[:, :-k]
+        made[-k:, -k:] = keep[:, -k:]
+        start = np.concatenate([start, dry.kept_at_start])
+    return make_memory(made, start, h) if len(made) else None
 
 
 def make_push(effort_limit: Array) -> Diagram:
@@ -654,17 +716,18 @@ def _add_efforts(
     command: Port,
     u: OutputPort,
     friction: Sequence[Port],
+    braked: Array | None,
 ) -> list[OutputPort]:
     """Add what makes efforts of accelerations; return s, if efforts are limited."""
-    m, n = N.shape
+    m = len(N)
     read: list[Port] = [wiring.inverse_dynamics("inverse_dynamics", plant, state, u)]
     if laws.is_limited:
         still = wiring.add("still", ConstantVectorSource(np.zeros(m)))
         read.append(wiring.inverse_dynamics("bias", plant, state, still))
     # Of both, dry friction takes its part.
     known = np.kron(np.eye(len(read)), N.T)
-    if friction:
-        known = np.hstack([known, np.tile(-np.eye(n), (len(read), 1))])
+    if braked is not None:
+        known = np.hstack([known, np.tile(-braked, (len(read), 1))])
         read.extend(friction)
     parts = [TAU_D, IS_TAU] if layout.has_modes else []
     if layout.has_limits:

@@ -34,6 +34,9 @@ class LoadedController:
     # Why it can't be activated; empty if it can.
     missing: tuple[str, ...] = ()
 
+    # Why it could not be loaded; empty if it was.
+    problem: str = ""
+
     # Joints that it moves, of a drive that follows one controller at a time.
     joints: tuple[str, ...] = ()
 

@@ -246,6 +246,9 @@ class ControllerLoader:
         self._report = report
         self._period = 1.0 / config.update_rate if period is None else period
 
+        # Why controllers could not be loaded, by name.
+        self.problems = {c.name: c.problem for c in config.controllers if c.problem}
+
     def load_all(self) -> dict[str, ControllerInterface | None]:
         """Return the systems of all controllers; none commands itself by a detour."""
         configs = {c.name: c for c in self._config.controllers}
@@ -313,6 +316,7 @@ class ControllerLoader:
             known = [*list_types(), *self._types, *self._installed]
             severity, what, done = describe_unknown(name, known)
             self._add(controller, severity, "unsupported", what, done)
+            self.problems[controller.name] = what
             return None
         if row.runs_as:
             self._add(controller, "info", "repair", what, f"run as {row.runs_as}")
@@ -498,6 +502,8 @@ class ControllerLoader:
         kind: Kind = "invalid",
     ) -> None:
         done = "the controller does not run"
+        place = f"{error.where}: " if error is not None and error.where else ""
+        self.problems.setdefault(controller.name, f"{place}{problem}")
         self._add(controller, "error", kind, problem, done, error)
 
     def _add(
@@ -554,6 +560,7 @@ def load_controllers(
             "unconfigured" if systems[c.name] is None else "inactive",
             systems[c.name],
             missing.get(c.name, ()),
+            "" if systems[c.name] else loader.problems.get(c.name, ""),
             _driven(systems[c.name], hardware_interfaces),
         )
         for c in config.controllers

@@ -309,6 +309,9 @@ class GoalEvent(Message):
     # What of the goal is not taken as written, in words.
     note: str = ""
 
+    # What the result doesn't tell, such as the joint that violates its tolerance.
+    detail: str = dc.field(default="", compare=False)
+
     # What makes the feedback, if there is any: most of it is never looked at.
     feedback_source: Callable[[], FollowJointTrajectoryFeedback] | None = dc.field(
         default=None, compare=False, repr=False

@@ -7,6 +7,7 @@ ros2_controllers' parameter declarations (version 6.9.0, `read_only`).
 import dataclasses as dc
 import fnmatch
 import math
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -22,7 +23,7 @@ from arm_drake.description.controllers import ControllerConfig
 from arm_drake.description.parameters import Parameter, Parameters, load_parameters
 from arm_drake.description.report import LoadReport
 from arm_drake.description.robot import Robot
-from arm_drake.errors import InputError, ParameterError
+from arm_drake.errors import ArmDrakeWarning, InputError, ParameterError
 from arm_drake.messages import (
     Bool,
     CancelGoal,
@@ -47,7 +48,7 @@ from arm_drake.messages import (
 from arm_drake.messages.base import renew, stamp_of, to_message
 from arm_drake.simulation.directory import TopicInfo, TopicList
 from arm_drake.simulation.mailbox import GoalHandle, Mailbox
-from arm_drake.simulation.motion import StepMessage
+from arm_drake.simulation.motion import StepMessage, find_beyond_limits
 from arm_drake.simulation.motion_files import make_message
 from arm_drake.simulation.topics import (
     COMMANDS,
@@ -152,13 +153,16 @@ class ControllerHandle:
 
         Args:
             goal: The goal, or its trajectory or command alone. Any gripper takes a
-                GripperCommand.
-            where: Where the goal comes from, for messages.
+                GripperCommand. A trajectory beyond limits of joints is sent with an
+                ArmDrakeWarning.
+            where: Where the goal comes from, for messages; then there is no warning.
 
         Raises:
             InputError: If the controller has no such action.
         """
         port, made = self._topics.make_goal(goal)
+        if not where:
+            _warn_of_limits(self._mailbox, self._robot, self.name, self._system, made)
         request = SendGoal(made)
         handle = GoalHandle(self.name, request, where)
         self._mailbox.add_goal(handle)
@@ -183,12 +187,16 @@ class ControllerHandle:
 
         Args:
             trajectory: What to follow from the controller's next tick on.
-            where: Where it comes from, for messages.
+            where: Where it comes from, for messages. Without it there is an
+                ArmDrakeWarning of what goes beyond limits of joints.
 
         Raises:
             InputError: If the controller has no such topic.
         """
         port, message = self._topics.make_trajectory(trajectory)
+        if not where:
+            robot, system = self._robot, self._system
+            _warn_of_limits(self._mailbox, robot, self.name, system, message)
         self._send(port, message, where)
 
     def cancel(self, goal: GoalHandle | None = None) -> None:
@@ -279,6 +287,28 @@ class ControllerHandle:
         self._mailbox.publish(self._topics.exported_as(port), message, period)
 
 
+def _warn_of_limits(
+    mailbox: Mailbox, robot: Robot, name: str, system: Any, message: Message
+) -> None:
+    """Warn where a program's trajectory takes each joint beyond its limits first.
+
+    Of motions, whose messages say where they come from, their player does.
+    """
+    sent = getattr(message, "goal", message)
+    trajectory = getattr(sent, "trajectory", sent)
+    if not isinstance(trajectory, JointTrajectory):
+        return
+    prefix = name.removesuffix(system.params.controller_name)
+    joints = robot.description.movable_joints
+    values = mailbox.eval_output(f"{prefix}joint_states")
+    start = dict(zip((joint.name for joint in joints), values, strict=False))
+    lines: dict[str, str] = {}
+    for index, joint, problem in find_beyond_limits(joints, trajectory, start):
+        lines.setdefault(joint, f"{name}: points[{index}]: {problem}")
+    for line in lines.values():
+        warnings.warn(line, ArmDrakeWarning, stacklevel=3)
+
+
 def send_step(handle: ControllerHandle, message: StepMessage, where: str) -> None:
     """Send what a step of a motion sends to a controller."""
     if message is None:
@@ -365,6 +395,11 @@ class TopicHandle:
             )
             periods[name] = max(period, periods.get(name, 0.0))
             messages.setdefault(name, message)
+            if not where:
+                robot, system = reader.manager.robot, reader.system
+                _warn_of_limits(
+                    self._mailbox, robot, reader.controller, system, message
+                )
             if isinstance(message, SendGoal):
                 self._mailbox.add_goal(GoalHandle(reader.controller, message, where))
         for name, message in messages.items():

@@ -120,7 +120,8 @@ class Directory:
         self.check_name(name)
         manager, controller = self._controllers[name]
         if controller.system is None:
-            raise InputError(f"controller {name!r} is unconfigured; see the report")
+            why = controller.problem or "see the report"
+            raise InputError(f"controller {name!r} could not be loaded: {why}")
         return manager, controller, controller.system
 
     def list_controllers(self, context: Context) -> ControllerList:

@@ -1,5 +1,6 @@
 """Messages into a running diagram, its events, and the handles of goals."""
 
+import dataclasses as dc
 import math
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple, TypeAlias
@@ -53,6 +54,9 @@ class GoalHandle:
         # What of the goal was not taken as written.
         self.note = ""
 
+        # What its result doesn't tell: which joint violated which tolerance.
+        self.detail = ""
+
         # Whether it is part of a task, as a gripper's that stalls on a thing: what
         # became of the task says whether anything failed.
         self.is_part = False
@@ -65,6 +69,7 @@ class GoalHandle:
         self.status = event.status
         self.result = event.result or self.result
         self.note = event.note or self.note
+        self.detail = event.detail or self.detail
         if event.feedback_source is not None:
             self._sources.append(event.feedback_source)
 
@@ -89,11 +94,12 @@ class GoalHandle:
             text += describe_grip(result, (result.position,))
         elif isinstance(result, ParallelGripperCommandResult):
             text += describe_grip(result, result.state.position)
-        return f"{text}: {why}" if why else text
+        text = f"{text}: {why}" if why else text
+        return f"{text} ({self.detail})" if self.detail else text
 
     def __repr__(self) -> str:
         """Return controller, status and result."""
-        return f"GoalHandle({self.controller!r}, {self.status.value}, {self.result})"
+        return f"<GoalHandle of {self.controller!r}: {self.describe()}>"
 
 
 Rejection: TypeAlias = TopicRejected | ParametersRejected
@@ -103,6 +109,9 @@ SimulationEvent: TypeAlias = (
     GoalHandle | Rejection | CancelResponse | Failure | CommandLimited | TaskOutcome
 )
 
+
+# How goals end that failed.
+_FAILED = (GoalStatus.REJECTED, GoalStatus.ABORTED)
 
 # What `AbstractValue.Make` makes of an object, found once.
 _Value = Value[object]
@@ -156,7 +165,15 @@ class Mailbox:
         self.simulator = simulator
         self._sources = []
         self._ports: dict[str, InputPort] = {}
+
+        # Why controllers can't be activated, by name.
+        self._obstacles: dict[str, str] = {}
         for manager in managers:
+            self._obstacles |= {
+                f"{manager.prefix}{controller.name}": "; ".join(controller.missing)
+                for controller in manager.controllers
+                if controller.missing
+            }
             self._sources += [
                 _Source(
                     controller.system.GetOutputPort("events"),
@@ -239,6 +256,11 @@ class Mailbox:
             self.reject(outcome.task, outcome.reason, outcome.where)
         else:
             self._own.append(outcome)
+
+    @property
+    def failed_goals(self) -> list[GoalHandle]:
+        """Goals that were rejected or aborted, in the order they were sent."""
+        return [g for g in self.goals if g.status in _FAILED and not g.is_part]
 
     def _forget_places(self) -> None:
         """Forget where messages came from that lie on no port and weren't refused."""
@@ -352,6 +374,8 @@ class Mailbox:
         name: str,
     ) -> list[SimulationEvent]:
         """Take note of an event; return it, or nothing if nobody waits for it."""
+        if name in self._obstacles and isinstance(event, GoalEvent | TopicRejected):
+            event = _with_obstacle(event, self._obstacles[name])
         if isinstance(event, GoalEvent):
             handle = self._handles.get(id(event.request))
             if handle is None:  # Sent past the Simulation, by a system of the user's.
@@ -397,6 +421,18 @@ class Mailbox:
         """Return the start of a line about a message: where it comes from."""
         _, where = self._places.get(id(message), (None, ""))
         return f"{where}: " if where else ""
+
+
+def _with_obstacle(
+    event: GoalEvent | TopicRejected, obstacle: str
+) -> GoalEvent | TopicRejected:
+    """Return a rejection that says why it is no use to activate the controller."""
+    text = f"the controller can't be activated: {obstacle}"
+    if isinstance(event, TopicRejected):
+        return dc.replace(event, reason=text)
+    if isinstance(event.result, FollowJointTrajectoryResult):
+        return dc.replace(event, result=dc.replace(event.result, error_string=text))
+    return dc.replace(event, note=text)
 
 
 # What messages are called.

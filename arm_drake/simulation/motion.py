@@ -3,14 +3,16 @@
 import dataclasses as dc
 import itertools
 import math
+import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias, TypeVar
 
 import yaml
 
-from arm_drake import yaml_files
+from arm_drake import interfaces, yaml_files
 from arm_drake.arrays import is_finite
+from arm_drake.description.joints import JointInfo, beyond_limits
 from arm_drake.errors import MotionError, counted, quoted, suggest
 from arm_drake.importing import dataclass
 from arm_drake.messages import (
@@ -188,6 +190,33 @@ class MotionStep:
 
 
 @dataclass(frozen=True)
+class Needs:
+    """What a motion needs beside the name of its robot."""
+
+    # Arguments of the robot's xacro file.
+    xacro_args: Mapping[str, str] = dc.field(default_factory=dict)
+
+    # Name of the world; None is any.
+    world: str | None = None
+
+    # Scene file that has the motion, its robot, and what else it needs.
+    scene: Path | None = None
+
+    def command(self, robot: str, motion: str) -> str:
+        """Return the command that simulates the motion."""
+        words = ["arm-drake", "sim"]
+        if self.scene is not None:
+            here = Path.cwd()
+            is_below = self.scene.is_relative_to(here)
+            scene = self.scene.relative_to(here) if is_below else self.scene
+            return shlex.join([*words, str(scene)])
+        words += [robot, *(f"{n}:={value}" for n, value in self.xacro_args.items())]
+        if self.world is not None:
+            words += ["--world", self.world]
+        return shlex.join([*words, "--motion", motion])
+
+
+@dataclass(frozen=True)
 class Motion:
     """The steps of a motion file, in the order of their times."""
 
@@ -199,6 +228,8 @@ class Motion:
 
     # Values that were given to its parameters, in place of their defaults.
     parameters: Mapping[str, Any] = dc.field(default_factory=dict)
+
+    needs: Needs = dc.field(default_factory=Needs)
 
     def __repr__(self) -> str:
         """Return its file, and how much it sends to whom; its steps are long."""
@@ -318,6 +349,42 @@ def _scaled_end(
             now, length = at, length - done
         speed = factor
     return now + length / speed if speed > 0.0 else now
+
+
+# So much faster than its limit a joint is by rounding.
+_FASTER = 1.01
+
+
+def find_beyond_limits(
+    joints: Iterable[JointInfo],
+    trajectory: JointTrajectory,
+    start: Mapping[str, float] | None = None,
+) -> Iterator[tuple[int, str, str]]:
+    """Yield which point takes which joint beyond its limits, and a line about it.
+
+    Speeds are those of the points, and at least what the way between two of them takes;
+    `start` is where the joints are before, if that is known.
+    """
+    joints, order = tuple(joints), trajectory.joint_names
+    before, then = start or {}, 0.0
+    for index, point in enumerate(trajectory.points):
+        positions = dict(zip(order, point.positions, strict=False))
+        for name, problem in beyond_limits(joints, positions):
+            yield index, name, problem
+        speeds = dict(zip(order, map(abs, point.velocities), strict=False))
+        now = point.time_from_start.to_seconds()
+        for joint in joints:
+            name, limit = joint.name, joint.limits.velocity
+            mean = 0.0
+            if joint.type != "continuous" and now > then and {name} <= {*before}:
+                mean = abs(positions.get(name, before[name]) - before[name])
+                mean /= now - then
+            speed = max(mean, speeds.get(name, 0.0))
+            if limit is not None and 0.0 < _FASTER * limit < speed:
+                unit = interfaces.unit(interfaces.VELOCITY, joint.type)
+                text = f"{name} would move at {speed:.3g} {unit}"
+                yield index, name, f"{text}, its limit is {limit:.3g} {unit}"
+        before, then = {**before, **positions}, now
 
 
 # Key of the steps of a motion that has parameters.

@@ -11,7 +11,7 @@ import yaml
 
 from arm_drake import yaml_files
 from arm_drake.description.entry import bundled_motions, bundled_robots
-from arm_drake.description.robot import Robot
+from arm_drake.description.robot import Robot, list_robots
 from arm_drake.errors import InputError, MotionError, suggest
 from arm_drake.messages import (
     Duration,
@@ -35,6 +35,7 @@ from arm_drake.simulation.motion import (
     Motion,
     MotionFile,
     MotionStep,
+    Needs,
     Sent,
     SetPayloads,
     TopicMessage,
@@ -45,8 +46,8 @@ from arm_drake.simulation.motion import (
 )
 from arm_drake.simulation.topics import ControllerTopics
 
-# Key of the parameters of a motion that has some, beside its steps.
-PARAMETERS = "parameters"
+# Keys beside the steps of a motion: its parameters, and what it needs.
+PARAMETERS, NEEDS = "parameters", "needs"
 
 _REFERENCE = re.compile(r"\$\(\s*([^()]*?)\s*\)")
 
@@ -61,8 +62,8 @@ def fill_in(data: Any, parameters: Mapping[str, Any], file: MotionFile) -> Any:
     steps = data
     if isinstance(data, Mapping):
         for key in data:
-            if key not in (PARAMETERS, STEPS):
-                hint = suggest(str(key), (PARAMETERS, STEPS))
+            if key not in (NEEDS, PARAMETERS, STEPS):
+                hint = suggest(str(key), (NEEDS, PARAMETERS, STEPS))
                 raise file.error(f"unknown key {key!r}; {hint}", key=str(key))
         declared, steps = data.get(PARAMETERS) or {}, data.get(STEPS)
         if not isinstance(declared, Mapping):
@@ -109,6 +110,25 @@ def _unknown(
 ) -> MotionError:
     hint = suggest(name, known) if known else "the motion declares none"
     return file.error(f"no parameter {name!r}; {hint}", where)
+
+
+def read_needs(data: Any, file: MotionFile) -> Needs:
+    """Return what a motion needs beside the name of its robot."""
+    if not isinstance(data, Mapping) or NEEDS not in data:
+        return Needs()
+    fields = Fields(NEEDS, file)
+    needs = fields.mapping(data[NEEDS], "", ("xacro_args", "world", "scene"))
+    if "scene" in needs and len(needs) > 1:
+        raise fields.error("scene", "a scene has its own arguments and its own world")
+    texts = fields.mapping(needs.get("xacro_args", {}), "xacro_args")
+    places = {f"xacro_args.{name}": value for name, value in texts.items()}
+    places |= {key: needs[key] for key in ("world", "scene") if key in needs}
+    for place, value in places.items():
+        if not isinstance(value, str):
+            raise fields.error(place, f"expected a text, got {value!r}")
+    folder = Path() if file.path is None else file.path.parent
+    scene = Path(os.path.abspath(folder / needs["scene"])) if "scene" in needs else None
+    return Needs({str(n): v for n, v in texts.items()}, needs.get("world"), scene)
 
 
 def read_goal(fields: Fields, value: Any, where: str) -> FollowJointTrajectoryGoal:
@@ -615,6 +635,7 @@ def load_motion(
         MotionError: If the file can't be used.
     """
     if robot is not None:
+        (robot,) = list_robots(robot)
         return find_motion(path, robot, parameters)
     _refuse_folder(path)
     path = Path(path)
@@ -645,6 +666,7 @@ def parse_motion(
     file = MotionFile(path, node)
     if data is None and path is not None:
         raise file.error("the file is empty; expected a list of steps")
+    needs = read_needs(data, file)
     data = fill_in(data, parameters or {}, file)
     if not isinstance(data, list):
         raise file.error(f"expected a list of steps, got {type(data).__name__}")
@@ -655,7 +677,7 @@ def parse_motion(
         for step in parse_step(item, index, file)
     ]
     in_order = tuple(sorted(steps, key=lambda step: step.at))
-    motion = Motion(path, in_order, repeats, dict(parameters or {}))
+    motion = Motion(path, in_order, repeats, dict(parameters or {}), needs)
     if repeats:
         _check_repeat(data[-1], motion, Fields(f"[{len(data) - 1}]", file))
     return motion

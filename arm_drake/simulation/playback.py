@@ -2,14 +2,17 @@
 
 import contextlib
 import math
+import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any, NamedTuple, Protocol
 
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram
 
-from arm_drake.description.joints import beyond_limits
-from arm_drake.errors import ArmDrakeError, InputError, MotionError
+from arm_drake.description.entry import bundled_motions
+from arm_drake.description.robot import Robot
+from arm_drake.errors import ArmDrakeError, ArmDrakeWarning, InputError, MotionError
 from arm_drake.messages import JointState, JointTrajectory, SwitchController
 from arm_drake.plant.payloads import Payload, Payloads
 from arm_drake.simulation import clients
@@ -28,7 +31,9 @@ from arm_drake.simulation.motion import (
     Task,
     TaskOutcome,
     TopicMessage,
+    find_beyond_limits,
 )
+from arm_drake.simulation.recording import find_build_info
 
 # How often is looked whether a robot rests whose motion is to be planned [s].
 _LOOK_PERIOD = 0.05
@@ -41,11 +46,17 @@ class Runner(Protocol):
     mailbox: Mailbox
     simulator: Simulator
 
+    diagram: Diagram
+
     # Of the quickest controller manager [s].
     period: float
 
     # What was played, in order.
     motions: list[Motion]
+
+    @property
+    def robots(self) -> dict[str, Robot]:
+        """The robots by name."""
 
     @property
     def time(self) -> float:
@@ -103,6 +114,8 @@ class Player:
         self._motion = Motion(None, ()) if motion is None else motion
         self._tolerance = tolerance
         check_motion(simulation, self._motion)
+        for line in list_beyond_limits(simulation, self._motion):
+            warnings.warn(line, ArmDrakeWarning, stacklevel=3)
         if motion is not None:
             simulation.motions.append(motion)
         self._start = simulation.time
@@ -357,7 +370,27 @@ def check_motion(simulation: Runner, motion: Motion) -> None:
             else:
                 _check_message(simulation, step, states, activated)
         except InputError as error:
-            raise _error_in(motion, step, error.problem) from None
+            problem = error.problem + _hint_at_needs(simulation, motion)
+            raise _error_in(motion, step, problem) from None
+
+
+def _hint_at_needs(simulation: Runner, motion: Motion) -> str:
+    """Return the end of a message that says what the motion needs and lacks, or ""."""
+    robot = next(iter(simulation.robots.values()))
+    known = bundled_motions(robot.bundled or "").items()
+    arguments = {
+        name: str(value)
+        for name, value in (robot.load_options.get("xacro_args") or {}).items()
+    }
+    build = find_build_info(simulation.diagram)
+    needs = motion.needs
+    has_all = needs.scene is None and needs.xacro_args.items() <= arguments.items()
+    if has_all and (build is None or needs.world in (None, build.world)):
+        return ""
+    name = str(robot.bundled or robot.description.file)
+    names = (name for name, file in known if file == motion.file)
+    word = next(names, str(motion.file or "FILE"))
+    return f"; the motion is for `{needs.command(name, word)}`"
 
 
 def check_trajectories(simulation: Runner, motion: Motion) -> None:
@@ -397,12 +430,14 @@ def list_beyond_limits(simulation: Runner, motion: Motion) -> list[str]:
             continue
         assert name is not None  # Only a switch is for nobody.
         robot = simulation.directory.find(name)[0].robot
-        joints, order = robot.description.movable_joints, trajectory.joint_names
-        for index, point in enumerate(trajectory.points):
-            positions = dict(zip(order, point.positions, strict=False))
-            for joint, problem in beyond_limits(joints, positions):
-                place = f"{motion.place(step)}.points[{index}]"
-                found.setdefault((robot.name, joint), f"{place}: {problem}")
+        joints, place = robot.description.movable_joints, motion.place(step)
+        start: dict[str, float] = {}
+        if step.at == 0.0:
+            state = simulation.joint_states(robot.name)
+            start = dict(zip(state.name, state.position, strict=True))
+        for index, joint, problem in find_beyond_limits(joints, trajectory, start):
+            line = f"{place}.points[{index}]: {problem}"
+            found.setdefault((robot.name, joint), line)
     return list(found.values())
 
 
@@ -447,7 +482,10 @@ def _check_message(
         simulation.controller(names[0]).check(step.message)
     # Of several that read a topic, one is enough.
     if not any(states[name] == "active" or name in activated for name in names):
-        raise InputError(f"controller {names[0]!r} is {states[names[0]]}, not active")
+        missing = simulation.directory.find(names[0])[1].missing
+        why = f": {'; '.join(missing)}" if missing else ""
+        text = f"controller {names[0]!r} is {states[names[0]]}, not active"
+        raise InputError(text + why)
 
 
 def _receiver(step: MotionStep) -> str:

@@ -24,7 +24,6 @@ from arm_drake.manager.connections import COMMAND_LOG, reference_joints
 from arm_drake.messages import (
     ActionRequest,
     FollowJointTrajectoryResult,
-    GoalStatus,
     Header,
     JointState,
     Message,
@@ -413,19 +412,13 @@ def _hash(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-_FAILED = (GoalStatus.REJECTED, GoalStatus.ABORTED)
-
 # Goals that are done, which stay as they are.
 _done: "weakref.WeakKeyDictionary[GoalHandle, GoalRecord]" = weakref.WeakKeyDictionary()
 
 
 def list_failures(mailbox: Mailbox) -> list[str]:
     """Return a line for all that failed: goals, messages, switches, controllers."""
-    lines = [
-        f"{_place(goal)}: goal {goal.describe()}"
-        for goal in mailbox.goals
-        if goal.status in _FAILED and not goal.is_part
-    ]
+    lines = [f"{_place(goal)}: goal {goal.describe()}" for goal in mailbox.failed_goals]
     events = (*mailbox.rejected, *mailbox.failures)
     return lines + [mailbox.describe(event) for event in events]
 

@@ -358,12 +358,14 @@ class Simulation:
         return self.mailbox.rejected
 
     @property
-    def failures(self) -> list[Failure]:
-        """Controllers that failed, and switches that were refused, in order.
+    def failures(self) -> list[GoalHandle | Failure]:
+        """Goals that were rejected or aborted; then what else failed, in order.
 
-        Goals aren't among them: each of `goals` has its status.
+        That are controllers, and switches that were refused. A goal that is part of
+        another task, as a gripper's of a pick, is left to that task's result. Refused
+        messages are in `rejected`.
         """
-        return self.mailbox.failures
+        return [*self.mailbox.failed_goals, *self.mailbox.failures]
 
     @property
     def report(self) -> LoadReport:

@@ -235,7 +235,7 @@ def _references(rollout: Rollout) -> Iterator[tuple[str, Array]]:
                 yield name, reference.position[:, column]
 
 
-_OVERVIEW_SIZE = (12.0, 7.5)  # inches
+_OVERVIEW_SIZE = (13.0, 7.5)  # inches
 
 # Joints that stand out have colours and are named; the others are grey.
 _COLOURS = (
@@ -257,7 +257,8 @@ _TELLING = 0.01
 def plot_overview(rollout: Rollout, joints: Sequence[str], link: str | None) -> Picture:
     """Return positions, errors, efforts and the end effector's way on one page.
 
-    In each panel the joints that stand out most are named.
+    In each panel the joints that stand out most are named. Where goals were aborted or
+    rejected, there are marks.
     """
     picture = make_picture(*_OVERVIEW_SIZE)
     grid = picture.add_gridspec(2, 2)
@@ -273,8 +274,10 @@ def plot_overview(rollout: Rollout, joints: Sequence[str], link: str | None) -> 
     measured = {each.joint: each.measured for each in followers}
     ranges = {joint: values - values[:1] for joint, values in measured.items()}
     pen = _Pen(rollout.time)
-    pen.draw(panels[0], measured, ranges)
-    panels[0].set_title(f"measured [{_units(followers)}]")
+    references = {each.joint: [*each.references.values()] for each in followers}
+    pen.draw(panels[0], measured, ranges, references)
+    what = "measured and reference" if any(references.values()) else "measured"
+    panels[0].set_title(f"{what} [{_units(followers)}]")
     for each in followers:
         see_least(panels[0], each.unit)
     errors = {
@@ -290,6 +293,9 @@ def plot_overview(rollout: Rollout, joints: Sequence[str], link: str | None) -> 
     for each in followers:  # Errors of some 1e-6 tell something.
         see_least(panels[1], each.unit, 1e-4 * unit.factor)
     _draw_efforts(panels[2], pen, rollout, joints)
+    for panel in panels:
+        _mark_failed_goals(panel, rollout)
+        _add_legend_beside(panel)
     try:
         tip = rollout.find_tip() if link is None else link
         draw_way(picture, grid[1, 1], *find_way(rollout, tip), tip)
@@ -298,6 +304,44 @@ def plot_overview(rollout: Rollout, joints: Sequence[str], link: str | None) -> 
             raise
         say_below(picture, f"no way of the end effector: {error}")
     return picture
+
+
+# How goals that failed are marked, by their status.
+_MARKS = {"ABORTED": "x", "REJECTED": "v"}
+
+
+def _mark_failed_goals(panel: Axes, rollout: Rollout) -> None:
+    """Draw a line, with a mark at its top, where goals were aborted or rejected."""
+    for goal in rollout.goals:
+        if goal.status in _MARKS and goal.ended_at is not None:
+            panel.axvline(goal.ended_at, color=LIMIT, ls=":", lw=1.2, zorder=1.0)
+            panel.plot(
+                [goal.ended_at],
+                [0.97],
+                transform=panel.get_xaxis_transform(),
+                color=LIMIT,
+                marker=_MARKS[goal.status],
+                ms=7,
+                mew=2,
+                ls="",
+                label=f"goal {goal.status.lower()}",
+            )
+
+
+def _add_legend_beside(panel: Axes) -> None:
+    """Add a legend to the right of a panel, each label once."""
+    handles, labels = panel.get_legend_handles_labels()
+    lines = dict(zip(labels, handles, strict=True))
+    if lines:
+        panel.legend(
+            lines.values(),
+            lines.keys(),
+            fontsize="x-small",
+            loc="upper left",
+            bbox_to_anchor=(1.0, 1.0),
+            borderaxespad=0.2,
+            frameon=False,
+        )
 
 
 def _draw_efforts(
@@ -339,8 +383,13 @@ class _Pen:
         panel: Axes,
         lines: Mapping[str, Array],
         ranks: Mapping[str, Array] | None = None,
+        references: Mapping[str, Sequence[Array]] | None = None,
     ) -> None:
-        """Draw lines, those that stand out in colour and with their names."""
+        """Draw lines, those that stand out in colour and with their names.
+
+        References of these are dashed, over lines that are wide and pale.
+        """
+        wanted = references or {}
         peaks = {name: peak_of([v]) for name, v in (ranks or lines).items()}
         ranked = sorted(lines, key=lambda name: -peaks[name])
         least = _TELLING * max(peaks.values(), default=0.0)
@@ -352,14 +401,21 @@ class _Pen:
         for name in others:
             draw_line(panel, self._time, lines[name], color=_GREY, lw=0.8)
         for name in named:
-            look = {"lw": 1.4, "label": shorten(name, 2.5), **self._look(name)}
+            for values in wanted.get(name, ()):
+                # One entry of the legend, below, is for all.
+                dashes = {"color": self._look(name)["color"], "ls": (0, (4, 2))}
+                dashes |= {"lw": 1.2, "zorder": 3.0, "label": f"_reference {name}"}
+                draw_line(panel, self._time, values, **dashes)
+        for name in named:
+            look = {"lw": 1.4, "label": shorten(name, 1.7), **self._look(name)}
+            look |= {"lw": 3.5, "alpha": 0.45} if wanted.get(name) else {}
             draw_line(panel, self._time, lines[name], **look)
+        if any(wanted.get(name) for name in named):
+            panel.plot([], [], color="0.3", ls=(0, (4, 2)), lw=1.2, label="reference")
         if others:
             what = "other" if named else "joint"
             text = f"{len(others)} {what}{'s' if len(others) > 1 else ''}"
             panel.plot([], [], color=_GREY, label=text)
-        if lines:
-            panel.legend(fontsize="x-small", loc="best")
 
     def _look(self, name: str) -> dict[str, Any]:
         number, colour = divmod(len(self._looks), len(_COLOURS))

@@ -326,6 +326,7 @@ _CHAINABLE = _NOT_IN_HUMBLE | {
     "omni_wheel_drive_controller/OmniWheelDriveController",
     "passthrough_controller/PassthroughController",
     "pid_controller/PidController",
+    "swerve_drive_controller/SwerveController",
     "tricycle_steering_controller/TricycleSteeringController",
 }
 

@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -132,7 +133,14 @@ def test_the_command_runs_it_writes_and_goes_on(folder, capsys, monkeypatch) -> 
     # The command that shows the worst one shows the same number.
     words = told["measures"]["peak_effort"]["show"].split()[1:]
     assert cli.main(words) == 0
-    assert f"peak_effort: {max(efforts):.4g}" in capsys.readouterr().out
+    assert f"peak_effort: {max(efforts):.4g} N·m\n" in capsys.readouterr().out
+    assert cli.main(["many", "study.yaml"]) == 0
+    told = capsys.readouterr().out
+    assert re.search(
+        r"peak_effort: [\d.]+ N·m \(95 %: .*\), from .* N·m; largest", told
+    )
+    assert re.search(r"settling_time: [\d.]+ s \(95 %: .*\), from .* s; largest", told)
+    assert re.search(r"last: [-\d.]+ \(95 %: ", told)
     assert (folder / "run.png").is_file()
 
 

@@ -154,6 +154,16 @@ def test_the_command_tells_and_draws(lift, tmp_path, capsys) -> None:
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
+def test_the_command_tells_units(lift, capsys) -> None:
+    tune(lift)
+
+    told = capsys.readouterr().out
+    # A force on a slide.
+    assert "   [N/m, N/(m·s), N·s/m]\n" in told
+    assert len(re.findall(r"before: end error [\d.]+ m, overshoot", told)) == 2
+
+
 class Terminal(io.StringIO):
     def isatty(self) -> bool:
         return True

@@ -63,7 +63,7 @@ def without_python(options: ad.SimulationOptions) -> Advance:
     start = list(robot.initial_positions.values())[:6]
     commands = np.tile([*start, *np.zeros(6)], (1500, 1))
     commands[:, :6] += 0.1 * np.sin(PERIOD * np.arange(1500))[:, None]
-    diagram, drive = build_cpp_only(robot, options, commands)
+    diagram, drive = build_cpp_only([robot], options, commands)
     simulator = Simulator(diagram)
     simulator.Initialize()
 

@@ -59,7 +59,7 @@ def time_peer(
     robot: ad.Robot, options: ad.SimulationOptions, commands: np.ndarray
 ) -> tuple[float, np.ndarray]:
     """Return the processor's time for the peer [s], and where it ends."""
-    diagram, drive = build_cpp_only(robot, options, commands)
+    diagram, drive = build_cpp_only([robot], options, commands)
     simulator = Simulator(diagram)
     simulator.Initialize()
     start = time.thread_time()

@@ -1,5 +1,6 @@
 import gc
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -23,6 +24,15 @@ def test_ik_prints_positions_that_reach_the_pose(
     assert code == 0
     assert content["position_error"] < 1e-5
     assert content["tries"] >= 1
+
+
+def test_ik_prints_units(capsys: pytest.CaptureFixture[str]) -> None:
+    code = main(["ik", "doosan_a0912", "--frame", FRAME, "--pose", "0.4,0.2,0.6"])
+
+    lines = capsys.readouterr().out.splitlines()
+    assert code == 0
+    assert len(lines) == 6
+    assert all(re.fullmatch(r"joint\d +-?\d\.\d{6} rad", line) for line in lines)
 
 
 def test_ik_says_what_is_out_of_reach(capsys: pytest.CaptureFixture[str]) -> None:

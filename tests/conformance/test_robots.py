@@ -35,6 +35,7 @@ SIMULATED = {
     "tricycle_controller/TricycleController",
     "mecanum_drive_controller/MecanumDriveController",
     "omni_wheel_drive_controller/OmniWheelDriveController",
+    "swerve_drive_controller/SwerveController",
     "admittance_controller/AdmittanceController",
     "gpio_controllers/GpioCommandController",
     "passthrough_controller/PassthroughController",

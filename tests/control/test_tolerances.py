@@ -5,6 +5,7 @@ import pytest
 
 from arm_drake.control.tolerances import (
     StateTolerances,
+    describe_violation,
     exceeds,
     make_default_tolerances,
     resolve_tolerances,
@@ -239,3 +240,32 @@ def test_what_is_allowed_in_plain_numbers_never_exceeds(error):
     is_allowed = tolerances.allows(errors.tolist())
     assert is_allowed == (error < 0.1)
     assert not (is_allowed and violates(errors, None, None, tolerances).any())
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity", "text"),
+    [
+        (
+            [0.0, -0.5, 0.0],
+            None,
+            "position of 'joint2' is off by 0.5 rad, its path tolerance is 0.1 rad",
+        ),
+        # Five times the tolerance of a velocity is more than twice that of a position.
+        (
+            [0.2, 0.0, 0.0],
+            [0.0, 0.0, 1.0],
+            "velocity of 'joint3' is off by 1 m/s, its path tolerance is 0.2 m/s; "
+            "1 other joint too",
+        ),
+        ([0.05, 0.0, np.nan], [0.0, 0.1, 0.0], ""),
+    ],
+)
+def test_the_joint_furthest_beyond_its_tolerance_is_described(position, velocity, text):
+    tolerances = StateTolerances(np.full(3, 0.1), np.full(3, 0.2), np.zeros(3))
+    errors = (np.array(position), velocity and np.array(velocity), None)
+
+    described = describe_violation(
+        errors, tolerances, "path", JOINTS, np.array([False, False, True])
+    )
+
+    assert described == text

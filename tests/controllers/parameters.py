@@ -29,6 +29,7 @@ ACKERMANN = "ackermann_steering_controller/AckermannSteeringController"
 TRICYCLE = "tricycle_controller/TricycleController"
 MECANUM = "mecanum_drive_controller/MecanumDriveController"
 OMNI = "omni_wheel_drive_controller/OmniWheelDriveController"
+SWERVE = "swerve_drive_controller/SwerveController"
 ADMITTANCE = "admittance_controller/AdmittanceController"
 GPIO = "gpio_controllers/GpioCommandController"
 FILTER = "chained_filter_controller/ChainedFilter"
@@ -109,6 +110,11 @@ MINIMAL: Mapping[str, Mapping[str, Any]] = {
         "wheel_offset": 0.0,
         "robot_radius": 0.2,
         "wheel_radius": 0.05,
+    },
+    SWERVE: {
+        f"{wheel}_{part}_joint": f"{wheel}_{part}"
+        for wheel in _WHEELS
+        for part in ("wheel", "axle")
     },
     ADMITTANCE: {
         **_JOINTS,

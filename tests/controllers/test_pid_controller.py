@@ -367,6 +367,14 @@ def test_the_state_is_described() -> None:
     assert driven.output("exported_state_interfaces").tolist() == [1.0, 0.5]
 
 
+def test_before_its_first_tick_it_exports_what_is_measured() -> None:
+    driven = drive(("joint1",), ("position", "velocity"), gains=P_ALONE)
+
+    driven.measure([1.0, 0.5])
+
+    assert driven.output("exported_state_interfaces").tolist() == [1.0, 0.5]
+
+
 def test_references_and_measurements_may_have_other_names() -> None:
     names = ("left", "right")
     driven = drive(JOINTS, reference_and_state_dof_names=names)

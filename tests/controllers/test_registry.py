@@ -58,6 +58,7 @@ ROS2_CONTROLLERS = {
     "position_controllers/JointGroupPositionController",
     "range_sensor_broadcaster/RangeSensorBroadcaster",
     "state_interfaces_broadcaster/StateInterfacesBroadcaster",
+    "swerve_drive_controller/SwerveController",
     "tricycle_controller/TricycleController",
     "tricycle_steering_controller/TricycleSteeringController",
     "vda5050_safety_state_broadcaster/Vda5050SafetyStateBroadcaster",
@@ -297,5 +298,8 @@ def test_the_list_has_all_types_of_the_specification():
     assert len(types) > 25
     assert types <= ROS2_CONTROLLERS
     # Newer than the specification.
-    newer = {"vda5050_safety_state_broadcaster/Vda5050SafetyStateBroadcaster"}
+    newer = {
+        "swerve_drive_controller/SwerveController",
+        "vda5050_safety_state_broadcaster/Vda5050SafetyStateBroadcaster",
+    }
     assert ROS2_CONTROLLERS - types <= UNSUPPORTED | newer

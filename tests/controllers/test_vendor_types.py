@@ -171,6 +171,19 @@ def test_the_gripper_that_upstreams_warning_names_is_the_parallel_one(
             f"type is {JTC}",
         ),
         (
+            "ffw_swerve_drive_controller/SwerveDriveController",
+            "is not simulated: it steers and drives each wheel of a base, with "
+            "parameters of its own; the closest type is "
+            "velocity_controllers/JointGroupVelocityController with the wheels, beside "
+            "a position_controllers/JointGroupPositionController that steers them",
+        ),
+        (  # A fork.
+            "swerve_drive_controller/SwerveDriveController",
+            "is not simulated: it steers and drives each wheel of a base, with "
+            "parameters of its own; the closest type is "
+            "swerve_drive_controller/SwerveController",
+        ),
+        (
             "epick_controllers/EpickGripperActionController",
             "is not simulated: it switches suction, of which the physics knows nothing",
         ),

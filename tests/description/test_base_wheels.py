@@ -76,6 +76,12 @@ def bases(tmp_path: Path, urdf: str, text: str | None = None) -> list[MobileBase
             ("left", "right"),
             (),
         ),
+        (
+            "swerve_drive_controller/SwerveController",
+            {"rear_left_wheel_joint": "left", "rear_left_axle_joint": "right"},
+            ("left",),
+            ("right",),
+        ),
         # What isn't a name is the controller's affair.
         (
             "omni_wheel_drive_controller/OmniWheelDriveController",
@@ -106,6 +112,27 @@ def test_the_frame_of_the_odometry_is_a_link_or_the_base(tmp_path: Path) -> None
     for frame, link in (("caster", "caster"), ("footprint", "base_link")):
         text = yaml(diff, base_frame_id=frame, **names)
         assert bases(tmp_path, cart(CONTROL), text)[0].link == link
+    swerve = "swerve_drive_controller/SwerveController"
+    text = yaml(swerve, base_footprint="caster")
+    assert bases(tmp_path, cart(CONTROL), text)[0].link == "caster"
+
+
+def test_wheels_behind_a_chained_controller_are_one_base(tmp_path: Path) -> None:
+    names = {"left_wheel_names": "[pid/left]", "right_wheel_names": "[pid/right]"}
+    text = yaml("diff_drive_controller/DiffDriveController", **names).replace(
+        "    c: {", "    pid: {type: pid_controller/PidController}\n    c: {"
+    )
+    pid = """pid:
+  ros__parameters:
+    dof_names: [left, right]
+    command_interface: velocity
+    reference_and_state_interfaces: [velocity]
+    gains: {left: {p: 0.0}, right: {p: 0.0}}
+"""
+
+    (found,) = bases(tmp_path, cart(CONTROL), text + pid)
+
+    assert (found.controller, found.driven) == ("c", ("left", "right"))
 
 
 def test_other_controllers_drive_no_base(tmp_path: Path) -> None:

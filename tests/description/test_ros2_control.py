@@ -526,6 +526,18 @@ def test_blocks_may_share_a_joint_but_no_interface():
     ]
 
 
+def test_interfaces_that_a_sensor_and_a_gpio_share_are_told_in_one_line():
+    states = '<state_interface name="ACC X"/><state_interface name="ACC Y"/>'
+    _, lines = read_block(
+        f'<sensor name="imu">{states}</sensor><gpio name="imu">{states}</gpio>'
+    )
+
+    assert lines == [
+        "warning: arm.urdf: ros2_control 'h', gpio 'imu': "
+        "block 'h' has <state_interface> 'ACC X', 'ACC Y' already; each is taken once"
+    ]
+
+
 # Gains of Gazebo Classic
 
 

@@ -224,6 +224,20 @@ def test_what_is_no_evaluation_is_refused(
     assert str(error.value) == f"Odd.evaluate: {message}"
 
 
+@pytest.mark.filterwarnings("error::arm_drake.errors.ArmDrakeWarning")
+def test_fast_actions_are_not_warned_of(tmp_path: Any) -> None:
+    yaml = models.trajectory_controllers({"arm": ["swing"]})
+    robot = models.load(tmp_path, models.pendulum(), yaml)
+    environment = ad.make_env(robot, task=Swing())
+    environment.reset(seed=1)
+
+    # The joint lags behind what full speed has told it.
+    for _ in range(8):
+        environment.step(np.ones(1))
+
+    assert environment.simulation.joint_states().position[0] > 0.1  # It moves.
+
+
 def test_arguments_of_other_types_are_named(tmp_path: Any) -> None:
     kind = "position_controllers/JointGroupPositionController"
     environment = swing(tmp_path, kind, "position")

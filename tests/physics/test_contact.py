@@ -5,6 +5,7 @@ At the end things of the world, which lie, slide and are held.
 """
 
 import dataclasses as dc
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -364,6 +365,11 @@ def test_a_goal_behind_an_obstacle_violates_its_path_tolerance(
     assert isinstance(goal.result, FollowJointTrajectoryResult)
     assert goal.result.error_code == -4  # PATH_TOLERANCE_VIOLATED
     assert goal.result.error_string == "Aborted due to path tolerance violation"
+    # It is told on the tick that sees it: just beyond the tolerance.
+    assert re.search(
+        r"'(shoulder|elbow)' is off by 0\.1\d* rad, its path tolerance is 0\.1 rad",
+        goal.describe(),
+    )
     check_obstructed(sim, back)
 
 

@@ -236,6 +236,12 @@ def test_with_little_effort_the_arm_sags_and_says_so(tmp_path):
         r"Aborted due to goal_time_tolerance exceeding by 1\.0\d+ seconds",
         goal.result.error_string,
     )
+    # Its upper arm fell; upstream's text stays, and the handle says more.
+    assert re.search(
+        r"seconds \(position of 'joint2' is off by [\d.]+ rad, its goal tolerance is "
+        r"0\.005 rad",
+        goal.describe(),
+    )
     assert (np.abs(rollout.effort) <= 5.0).all()
     assert rollout.position[-1, 1] > 1.3  # rad: it fell
     seconds = rollout.effort_saturation()

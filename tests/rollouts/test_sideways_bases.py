@@ -107,6 +107,39 @@ drive:
     )
 
 
+def swerve() -> tuple[str, str]:
+    """Return a base whose wheels are steered, each for itself, and its controller."""
+    wheels, rows, control = {}, "", ""
+    ends = {"fl": "front_left", "fr": "front_right"}
+    ends |= {"rl": "rear_left", "rr": "rear_right"}
+    for name, (x, y) in CORNERS.items():
+        below = wheel(name, 0.0, 0.0, 0.0).replace("base_link", f"{name}_fork")
+        wheels[name] = f"""{below}<link name="{name}_fork"><inertial><mass value="0.3"/>
+        <inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>
+        </link><joint name="{name}_axle" type="revolute"><axis xyz="0 0 1"/>
+        <parent link="base_link"/><child link="{name}_fork"/><origin xyz="{x} {y} 0"/>
+        <limit lower="-3.2" upper="3.2" effort="20" velocity="20"/></joint>"""
+        control += f"""<joint name="{name}_axle"><command_interface name="position"/>
+        <state_interface name="position"/></joint>"""
+        rows += f"    {ends[name]}_wheel_joint: {name}_joint\n"
+        rows += f"    {ends[name]}_axle_joint: {name}_axle\n"
+    return (
+        base(wheels).replace("</ros2_control>", f"{control}</ros2_control>"),
+        f"""
+controller_manager:
+  ros__parameters:
+    update_rate: 100
+    drive: {{type: swerve_drive_controller/SwerveController}}
+drive:
+  ros__parameters:
+{rows}
+    wheelbase: {2.0 * CORNERS["fl"][0]}
+    trackwidth: {2.0 * CORNERS["fl"][1]}
+    wheel_radius: {RADIUS}
+""",
+    )
+
+
 def gazebo_mecanum() -> str:
     """Return a base that Gazebo's own plugin drives."""
     wheels = {name: wheel(name, *place, 0.0) for name, place in CORNERS.items()}
@@ -286,3 +319,59 @@ def test_the_wheels_of_gazebo_s_mecanum_drive_get_rollers(tmp_path: Path) -> Non
     assert robot.has_free_base
     rolling = [e.where for e in robot.report if "goes sideways" in e.what]
     assert rolling == ["link 'fl'", "link 'fr'", "link 'rl'", "link 'rr'"]
+
+
+@pytest.mark.parametrize(
+    "velocity", [(0.0, 0.2, 0.0), (0.0, 0.0, 0.8), (0.1, 0.1, 0.4)]
+)
+def test_a_base_with_steered_wheels_goes_where_it_is_told(
+    tmp_path: Path, velocity: tuple[float, float, float]
+) -> None:
+    base = Base(tmp_path, swerve(), step=1e-3)
+    # Its wheels stand as they have to, and it waits.
+    base.drive(*(1e-4 * np.array(velocity)), 1.0)
+    start = base.pose
+
+    base.drive(*velocity, 2.0)
+    base.drive(0.0, 0.0, 0.0, 0.5)
+
+    moved = start.inverse() @ base.pose
+    yaw = RollPitchYaw(moved.rotation()).yaw_angle()
+    *sideways, turn = velocity
+    # The integral of a velocity that turns with the base, in the complex plane.
+    way = complex(*sideways) * (np.exp(2j * turn) - 1.0) / 1j / turn if turn else 0.4j
+    wanted = [way.real, way.imag, 2.0 * turn]
+    found = [*moved.translation()[:2], yaw]
+    # Wheels lag behind a step of their command by their servo, and slip then.
+    np.testing.assert_allclose(found, wanted, atol=0.03 * np.abs(wanted).max())
+    odom = base.sim.topic("/drive/odom").value().pose.pose.position
+    truth = base.value("drive.ground_truth").pose.pose.position
+    assert math.hypot(odom.x - truth.x, odom.y - truth.y) < 0.02
+
+
+def test_an_omni_base_whose_wheels_have_pids_is_driven_from_the_start(
+    tmp_path: Path,
+) -> None:
+    urdf, yaml = omni()
+    joints = [f"wheel{number}_joint" for number in range(3)]
+    gains = ", ".join(f"{j}: {{p: 0.2, i: 20.0, i_clamp: 20.0}}" for j in joints)
+    wheels = yaml.replace("[wheel", "[pid/wheel").replace(", wheel", ", pid/wheel")
+    pids = f"""    position_feedback: false
+pid:
+  ros__parameters:
+    dof_names: [{", ".join(joints)}]
+    command_interface: velocity
+    reference_and_state_interfaces: [velocity]
+    gains: {{{gains}}}
+"""
+    loaded = "    pid: {type: pid_controller/PidController}\n    drive:"
+    wheels = wheels.replace("    drive:", loaded)
+    base = Base(tmp_path, (urdf, wheels + pids))
+    start = base.pose
+
+    base.drive(0.0, 0.2, 0.0, 2.0)
+
+    assert {c.state for c in base.sim.list_controllers()} == {"active"}
+    way = (start.inverse() @ base.pose).translation()
+    # A fifth of a second for the integrals, and a tenth of the way.
+    np.testing.assert_allclose(way[:2], [0.0, 0.4], atol=0.08)

@@ -1,14 +1,16 @@
 """Handles of controllers: what they send, what they refuse, what they read."""
 
+import warnings
+
 import numpy as np
 import pytest
 from pydrake.common.value import AbstractValue
 
 import arm_drake as ad
 from arm_drake.errors import InputError, ParameterError
-from arm_drake.messages import MultiDOFCommand, ParametersRejected
+from arm_drake.messages import GripperCommand, MultiDOFCommand, ParametersRejected
 from arm_drake.simulation.motion_files import parse_motion
-from tests.models import load, pendulum, ros2_control
+from tests.models import load, pendulum, ros2_control, trajectory_controllers
 from tests.robots import real_robot
 
 DEMO = "ros2_control_demos/ros2_control_demo_example_1"
@@ -433,3 +435,98 @@ def test_parameters_that_the_controller_refuses_are_news(servoed):
     assert servoed.mailbox.describe(rejected) == (
         "pid: parameters refused: expected PidControllerParameters, got ['gains']"
     )
+
+
+LACKING = """
+controller_manager:
+  ros__parameters:
+    arm: {type: joint_trajectory_controller/JointTrajectoryController}
+    hand: {type: position_controllers/GripperActionController}
+    speeds: {type: velocity_controllers/JointGroupVelocityController}
+    lost: {type: forward_command_controller/ForwardCommandControler}
+    typo: {type: forward_command_controller/ForwardCommandController}
+arm:
+  ros__parameters:
+    joints: [swing]
+    command_interfaces: [velocity]
+    state_interfaces: [position, velocity]
+    gains: {swing: {p: 1.0}}
+hand: {ros__parameters: {joint: fist}}
+speeds: {ros__parameters: {joints: [swing]}}
+typo: {ros__parameters: {interface_name: position}}
+"""
+
+
+def test_who_asks_a_controller_that_can_t_run_learns_why(tmp_path) -> None:
+    sim = ad.Simulation(ad.build_diagram(load(tmp_path, pendulum(), LACKING)))
+    lacks = (
+        "the controller can't be activated: joint 'swing' has no command interface "
+        "'velocity'; it has ['position']"
+    )
+    trajectory = ad.JointTrajectory(
+        joint_names=["swing"],
+        points=[ad.JointTrajectoryPoint([0.1], time_from_start=1.0)],
+    )
+
+    goal = sim.controller("arm").send_goal(trajectory)
+    grip = sim.controller("hand").send_goal(GripperCommand(0.1))
+    sim.controller("speeds").command([0.1])
+    sim.run(0.1)
+
+    assert goal.result.error_string == lacks
+    assert goal.describe() == f"REJECTED, error code -1: {lacks}"
+    assert grip.describe().startswith(
+        "REJECTED: the controller can't be activated: the robot has no joint 'fist'"
+    )
+    assert [each.reason for each in sim.rejected] == [lacks]
+    step = {"controller": "speeds", "commands": [0.1]}
+    with pytest.raises(InputError, match="'speeds' is inactive, not active: joint"):
+        sim.run(0.1, parse_motion([step]))
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        (
+            "lost",
+            "unknown controller type 'forward_command_controller/"
+            "ForwardCommandControler'; did you mean 'forward_command_controller/"
+            "ForwardCommandController'?",
+        ),
+        ("typo", "typo.joints: is required but missing"),
+    ],
+)
+def test_a_controller_that_could_not_be_loaded_says_why(tmp_path, name, reason) -> None:
+    sim = ad.Simulation(ad.build_diagram(load(tmp_path, pendulum(), LACKING)))
+
+    with pytest.raises(InputError) as caught:
+        sim.controller(name)
+
+    assert str(caught.value) == f"controller {name!r} could not be loaded: {reason}"
+
+
+def test_a_program_is_warned_of_a_trajectory_beyond_the_limits(tmp_path) -> None:
+    yaml = trajectory_controllers({"arm": ["swing"]})
+    sim = ad.Simulation(ad.build_diagram(load(tmp_path, pendulum(), yaml)))
+    arm, topic = sim.controller("arm"), sim.topic("arm/joint_trajectory")
+
+    def to(position: float, time: float) -> ad.JointTrajectory:
+        point = ad.JointTrajectoryPoint([position], time_from_start=time)
+        return ad.JointTrajectory(joint_names=["swing"], points=[point])
+
+    beyond = r"^arm: points\[0\]: swing 4 is outside \[-3, 3\]$"
+    fast = r"^arm: points\[0\]: swing would move at 20 rad/s, its limit is 10 rad/s$"
+    for send in (arm.send_goal, arm.send_trajectory, topic.publish):
+        with pytest.warns(ad.ArmDrakeWarning, match=beyond) as told:
+            send(to(4.0, 9.0))
+        assert told[0].filename == __file__
+        with pytest.warns(ad.ArmDrakeWarning, match=fast):
+            send(to(2.0, 0.1))
+
+    goal = {"joint_names": ["swing"], "points": [{"positions": [4.0]}]}
+    motion = parse_motion([{"controller": "arm", "goal": goal}])
+    with pytest.warns(ad.ArmDrakeWarning, match=r"^\[0\]\.goal\.points\[0\]: swing 4 "):
+        sim.run(0.1, motion)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        arm.send_goal(to(2.9, 5.0))

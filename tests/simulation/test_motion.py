@@ -37,6 +37,7 @@ from arm_drake.simulation.motion import (
     PlanTo,
     SetPayloads,
     TopicMessage,
+    find_beyond_limits,
 )
 from arm_drake.simulation.motion_files import load_motion, parse_motion
 
@@ -833,7 +834,7 @@ def test_a_step_knows_its_line(load, tmp_path):
         ("- {[1]: 2}", ":1: malformed YAML: found unhashable key"),
         ("- at: 1\n  cancel: true\n  at: 2", ":3: the key 'at' stands twice"),
         (b"\xff", ": can't be read: it is not UTF-8 text"),
-        ("\na: 1", ":2: unknown key 'a'; known: parameters, steps"),
+        ("\na: 1", ":2: unknown key 'a'; known: needs, parameters, steps"),
     ],
 )
 def test_a_text_that_is_no_yaml_is_one_located_message(load, tmp_path, text, message):
@@ -862,6 +863,15 @@ def test_a_missing_file_is_an_error(tmp_path):
         load_motion(path)
 
     assert str(caught.value) == f"{path}: can't be read: No such file or directory"
+
+
+def test_a_robot_that_is_none_is_said():
+    text = "expected a robot of load_robot('doosan_a0912'), got str"
+
+    with pytest.raises(ArmDrakeError) as caught:
+        load_motion("tutorial", robot="doosan_a0912")
+
+    assert str(caught.value) == text
 
 
 def bundled() -> list[Path]:
@@ -948,3 +958,31 @@ def test_positions_beyond_the_limits_are_listed_once_with_their_place():
         f"lift 30 {outside}",
     ]
     assert problems(pan=360.0) == [f"pan 360 {outside}"]
+
+
+def test_speeds_beyond_the_limits_are_those_of_points_and_of_the_ways_between():
+    limits = JointLimits(lower=-3.14, upper=3.14, velocity=2.0)
+    joints = [JointInfo("pan", "revolute", "a", "b", limits)]
+    joints.append(JointInfo("slide", "prismatic", "a", "b", limits))
+    joints.append(JointInfo("spin", "continuous", "a", "b", limits))
+
+    def problems(*points, **start):
+        names = ("pan", "slide", "spin")
+        made = [
+            JointTrajectoryPoint(positions, velocities, time_from_start=time)
+            for time, positions, *rest in points
+            for velocities in (rest[0] if rest else (),)
+        ]
+        trajectory = JointTrajectory(joint_names=names, points=made)
+        return list(find_beyond_limits(joints, trajectory, start))
+
+    assert problems((1.0, (2.0, 0.0, 0.0)), (2.0, (0.0, 2.0, 0.0)), pan=0.0) == []
+    assert problems((1.0, (3.0, 0.0, 0.0)), (2.0, (0.5, 0.0, 0.0)), pan=0.0) == [
+        (0, "pan", "pan would move at 3 rad/s, its limit is 2 rad/s"),
+        (1, "pan", "pan would move at 2.5 rad/s, its limit is 2 rad/s"),
+    ]
+    # Where it starts isn't known, and an endless joint may take the shorter way.
+    assert problems((1.0, (3.0, 3.0, 3.0)), (2.0, (3.0, 3.0, -3.0))) == []
+    assert problems((1.0, (0.0, 0.0, 0.0), (0.0, -4.0, 0.0))) == [
+        (0, "slide", "slide would move at 4 m/s, its limit is 2 m/s"),
+    ]

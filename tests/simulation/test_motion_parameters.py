@@ -58,6 +58,22 @@ def test_a_parameter_keeps_its_type_and_may_stand_in_a_text() -> None:
             "steps: expected a list of steps",
         ),
         ({"parameter": {}, "steps": []}, {}, "unknown key 'parameter'; did you mean"),
+        ({"needs": [1], "steps": []}, {}, "needs: expected a mapping, got [1]"),
+        (
+            {"needs": {"arg": "a"}, "steps": []},
+            {},
+            "needs: unknown key 'arg'; known: scene, world, xacro_args",
+        ),
+        (
+            {"needs": {"xacro_args": {"a": 1}}, "steps": []},
+            {},
+            "needs.xacro_args.a: expected a text, got 1",
+        ),
+        (
+            {"needs": {"scene": "a.yaml", "world": "empty"}, "steps": []},
+            {},
+            "needs.scene: a scene has its own arguments and its own world",
+        ),
     ],
 )
 def test_what_is_no_parameter_is_said(data: Any, inputs: Any, message: str) -> None:

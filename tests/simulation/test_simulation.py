@@ -114,6 +114,31 @@ def test_a_rejected_goal_says_why(sim):
 
 
 @pytest.mark.slow
+def test_goals_that_were_rejected_or_aborted_are_failures(sim):
+    controller = sim.controller(JTC)
+    rejected = controller.send_goal(trajectory([0.0], joints=["joint1"]))
+    aborted = controller.send_goal(
+        ad.FollowJointTrajectoryGoal(
+            trajectory=trajectory([1.0] * 6, time=0.1),
+            path_tolerance=[ad.JointTolerance("joint1", position=1e-3)],
+        )
+    )
+    sim.advance_to(0.5)
+
+    done = controller.send_goal(trajectory([0.0] * 6))
+    sim.advance_to(1.5)
+    canceled = controller.send_goal(trajectory([0.1] * 6))
+    sim.advance_to(1.6)
+    controller.cancel()
+    sim.advance_to(2.0)
+
+    assert sim.failures == [rejected, aborted]
+    assert "path tolerance violation (position of 'joint1' is off by" in repr(aborted)
+    assert done.status is ad.GoalStatus.SUCCEEDED
+    assert canceled.status is ad.GoalStatus.CANCELED
+
+
+@pytest.mark.slow
 def test_a_trajectory_on_the_topic_moves_the_arm(sim):
     sim.controller(JTC).send_trajectory(trajectory([0.1] * 6))
     sim.advance_to(1.0)

@@ -298,6 +298,54 @@ def test_an_overview_names_the_joints_that_stand_out():
     assert way.get_title(loc="left") == "way of hook"
 
 
+def test_an_overview_has_references_beside_what_was_measured():
+    rollout = make_rollout()
+
+    panel = rollout.plot(kind="overview").axes[0]
+
+    assert panel.get_title() == "measured and reference [rad, m]"
+    for column, joint in enumerate(("turn", "lower")):
+        wanted = rollout.references["arm"].position[:, column]
+        np.testing.assert_array_equal(line(panel, f"_reference {joint}")[1], wanted)
+        colours = {
+            each.get_color()
+            for each in panel.get_lines()
+            if each.get_label() in (joint, f"_reference {joint}")
+        }
+        assert len(colours) == 1
+    texts = [text.get_text() for text in panel.get_legend().get_texts()]
+    assert texts == ["turn", "lower", "reference"]
+    alone = make_rollout(references={}).plot(kind="overview").axes[0]
+    assert alone.get_title() == "measured [rad, m]"
+    assert "reference" not in {text.get_text() for text in alone.get_legend().texts}
+
+
+def test_an_overview_marks_goals_that_failed():
+    ends = {"SUCCEEDED": 1.0, "ABORTED": 2.0, "REJECTED": 3.0, "EXECUTING": None}
+    goals = tuple(
+        GoalRecord("arm", "FollowJointTrajectoryGoal", 0.5, end, status)
+        for status, end in ends.items()
+    )
+
+    *panels, way = make_rollout(goals=goals).plot(kind="overview").axes
+
+    for panel in panels:
+        assert line(panel, "goal aborted")[0] == [2.0]
+        assert line(panel, "goal rejected")[0] == [3.0]
+        texts = [text.get_text() for text in panel.get_legend().get_texts()]
+        assert texts[-2:] == ["goal aborted", "goal rejected"]
+    assert not any("goal" in each.get_label() for each in way.get_lines())
+
+
+def test_the_legends_of_an_overview_cover_nothing():
+    figure = make_rollout().plot(kind="overview")
+    figure.draw_without_rendering()
+
+    for panel in figure.axes[:3]:
+        legend_box = panel.get_legend().get_window_extent()
+        assert not any(legend_box.overlaps(other.bbox) for other in figure.axes)
+
+
 def test_a_joint_looks_the_same_in_all_panels_of_an_overview():
     num = 12
     joints = {f"j{k}": "revolute" for k in range(num)}

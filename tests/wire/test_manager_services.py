@@ -191,7 +191,7 @@ def test_interfaces_are_listed_with_their_types(tmp_path: Path, service: str) ->
 
 @pytest.mark.parametrize(
     ("distro", "prefix", "num_chainable"),
-    [("humble", "", 9), ("jazzy", "Chainable", 12)],
+    [("humble", "", 10), ("jazzy", "Chainable", 13)],
 )
 def test_types_are_listed_with_their_base_classes(
     tmp_path: Path, distro: str, prefix: str, num_chainable: int

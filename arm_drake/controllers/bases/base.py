@@ -323,8 +323,12 @@ class BaseController(TopicController[B]):
     # Whether velocities have a component to the left.
     moves_sideways: ClassVar[bool] = False
 
-    # The topic that says where the base is, and despite what it counts.
-    pose_topic: ClassVar[tuple[str, type[Message]]] = ("set_odometry", SetOdometry)
+    # The topic that says where the base is, None if no one does, and despite what it
+    # counts.
+    pose_topic: ClassVar[tuple[str, type[Message]] | None] = (
+        "set_odometry",
+        SetOdometry,
+    )
     takes_poses_despite: ClassVar[tuple[str, ...]] = (CHAINED,)
 
     def __init__(
@@ -373,9 +377,10 @@ class BaseController(TopicController[B]):
             self._subscribe(velocity, TwistStamped, self._take_velocity)
         else:
             self._subscribe(f"{velocity}_unstamped", Twist, self._take_velocity)
-        self._subscribe(
-            *self.pose_topic, self._take_pose, despite=self.takes_poses_despite
-        )
+        if self.pose_topic is not None:
+            self._subscribe(
+                *self.pose_topic, self._take_pose, despite=self.takes_poses_despite
+            )
         self._declare_topic(odometry, self._describe_odometry)
         if parameters.enable_odom_tf:
             self._declare_topic(tf, self._describe_frames)

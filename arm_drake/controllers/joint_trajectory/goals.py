@@ -28,6 +28,7 @@ from arm_drake.control.action_goals import ActiveGoal, answer_cancel
 from arm_drake.control.tolerances import (
     EPSILON,
     StateTolerances,
+    describe_violation,
     exceeds,
     resolve_tolerances,
 )
@@ -370,13 +371,17 @@ def send_feedback(
 
 
 def conclude(
-    state: JointTrajectoryState, status: GoalStatus, code: int, text: str
+    state: JointTrajectoryState,
+    status: GoalStatus,
+    code: int,
+    text: str,
+    detail: str = "",
 ) -> JointTrajectoryState:
     """Return the state that has noted how the goal ended; its monitor will tell."""
     goal = state.goal
     assert goal is not None
     result = FollowJointTrajectoryResult(int(code), text)
-    return state._replace(goal=goal.end(status, result))
+    return state._replace(goal=goal.end(status, result, detail))
 
 
 def is_executing(state: JointTrajectoryState) -> bool:
@@ -630,6 +635,9 @@ class Verdict(NamedTuple):
     is_late: bool = False
     late: float = 0.0
 
+    # Which joint violates which tolerance, in words, if that ends a goal.
+    detail: str = ""
+
 
 FINE = Verdict()
 
@@ -658,7 +666,16 @@ def judge(
         is_late = is_off_goal and 0.0 != tolerances.goal_time < late
     if not (is_off_path or is_off_goal):
         return FINE
-    return Verdict(False, is_off_path, is_off_goal, is_late, late or 0.0)
+    detail = ""
+    if is_off_path or is_late:
+        detail = describe_violation(
+            errors_of(rules, inputs, desired, error),
+            path if is_off_path else goal,
+            "path" if is_off_path else "goal",
+            rules.joints,
+            rules.is_prismatic,
+        )
+    return Verdict(False, is_off_path, is_off_goal, is_late, late or 0.0, detail)
 
 
 def _exceeds(
@@ -693,13 +710,13 @@ def conclude_if_due(
         return state
     if verdict.is_off_path:
         code = codes.PATH_TOLERANCE_VIOLATED
-        return conclude(state, GoalStatus.ABORTED, code, _PATH_TEXT)
+        return conclude(state, GoalStatus.ABORTED, code, _PATH_TEXT, verdict.detail)
     if verdict.is_late:
         text = (
             f"Aborted due to goal_time_tolerance exceeding by {verdict.late:f} seconds"
         )
         code = codes.GOAL_TOLERANCE_VIOLATED
-        return conclude(state, GoalStatus.ABORTED, code, text)
+        return conclude(state, GoalStatus.ABORTED, code, text, verdict.detail)
     if is_finished and not verdict.is_off_goal:
         code = codes.SUCCESSFUL
         state = conclude(state, GoalStatus.SUCCEEDED, code, _SUCCESS_TEXT)

@@ -356,10 +356,7 @@ def make_rules(
     velocity_limits: Mapping[str, float],
     distro: str,
 ) -> JointTrajectoryRules:
-    """Return the rules of a controller.
-
-    `update_rate` [Hz]; `velocity_limits` [rad/s].
-    """
+    """Return the rules of a controller; rates [Hz], `velocity_limits` [rad/s]."""
     joints, constraints = parameters.joints, parameters.constraints
     by_joint = [constraints.joint.get(joint, JointConstraints()) for joint in joints]
     endless = _find_endless(parameters, joint_types)
@@ -385,6 +382,7 @@ def make_rules(
         ),
         cmd_timeout=parameters.cmd_timeout,
         wraparound=endless if endless.any() else None,
+        is_prismatic=np.array([joint_types.get(j) == "prismatic" for j in joints]),
         pid=pid,
         ff_velocity_scale=ff_velocity_scale,
         starts_from_commands=(

@@ -248,6 +248,9 @@ class JointTrajectoryRules(Message):
     # Which joints turn without end, shape (n,); None if none does.
     wraparound: Mask | None = None
 
+    # Which joints are prismatic, shape (n,); None if none is.
+    is_prismatic: Mask | None = None
+
     # PIDs of all joints, and how much of the velocity is added to their output, (n,).
     pid: Pid | None = None
     ff_velocity_scale: Array | None = None

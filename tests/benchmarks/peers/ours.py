@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram
-from pydrake.systems.primitives import VectorLogSink
 
 import arm_drake as ad
 from arm_drake.hardware.drives import commanded_joints
@@ -30,6 +29,9 @@ CPP_ONLY = "Drake, C++ only"
 ACCURATE = (ENGINE, "accurate")
 SAME = (CPP_ONLY, "same servo")
 
+# The same with a tick in Python that does nothing: no controllers in Python take less.
+EMPTY_TICK = (CPP_ONLY, "same servo, and an empty tick in Python")
+
 
 def make_contestants(task: Task, *, num_arms: int = 1) -> list[Contestant]:
     """Return all presets with all steps, and the diagram without Python."""
@@ -43,9 +45,9 @@ def make_contestants(task: Task, *, num_arms: int = 1) -> list[Contestant]:
             law = "own" if preset == "kinematic" else "servo"
             if preset != "kinematic" or step == STEPS[-1]:
                 found.append(Contestant(ENGINE, preset, law, step, make))
-        if num_arms == 1:
-            make = partial(make_cpp_only, task, step)
-            found.append(Contestant(*SAME, "servo", step, make))
+        for setting, has_tick in ((SAME, False), (EMPTY_TICK, True)):
+            make = partial(make_cpp_only, task, step, num_arms, has_empty_tick=has_tick)
+            found.append(Contestant(*setting, "servo", step, make))
     return found
 
 
@@ -85,21 +87,27 @@ def make_ours(
     return Runner(prepare, run)
 
 
-def make_cpp_only(task: Task, step: float) -> Runner:
-    """Return the same plant, servo and logs, told what our controller would tell."""
-    robot = robots.load(task.urdf, name="arm0")
-    names = [joint.name for joint in commanded_joints(robot.description)]
+def make_cpp_only(
+    task: Task, step: float, num_arms: int = 1, *, has_empty_tick: bool = False
+) -> Runner:
+    """Return the same plant, servos and logs, told what our controller would tell."""
+    arms = [
+        robots.load(task.urdf, name=f"arm{i}", place=2.0 * i) for i in range(num_arms)
+    ]
+    description = arms[0].description
+    names = [joint.name for joint in commanded_joints(description)]
     order = [task.joints.index(name) for name in names]
     commands = np.hstack([part[:, order] for part in commands_of(task)])
-    diagram, drive = build_cpp_only(
-        robot, ad.SimulationOptions(time_step=step), commands
+    options = ad.SimulationOptions(time_step=step)
+    diagram, drives = build_cpp_only(
+        arms, options, commands, has_empty_tick=has_empty_tick
     )
     simulator = Simulator(diagram)
-    log = diagram.GetSubsystemByName(STATE_LOG)
-    joints = [j.name for j in robot.description.movable_joints]
+    prefix = f"{arms[-1].name}/" if num_arms > 1 else ""
+    joints = [j.name for j in description.movable_joints]
     columns = [joints.index(name) for name in task.joints]
-    # The drive's plant must outlive the servo.
-    keep: dict[str, Any] = {"drive": drive}
+    # The drives' plants must outlive the servos.
+    keep: dict[str, Any] = {"drives": drives}
 
     def prepare() -> None:
         simulator.reset_context(diagram.CreateDefaultContext())
@@ -108,13 +116,13 @@ def make_cpp_only(task: Task, step: float) -> Runner:
     def run() -> Recording:
         assert keep
         simulator.AdvanceTo(task.duration)
-        return _read(log, diagram, simulator, columns, task.num_ticks)
+        return _read(prefix, diagram, simulator, columns, task.num_ticks)
 
     return Runner(prepare, run)
 
 
 def _read(
-    log: VectorLogSink,
+    prefix: str,
     diagram: Diagram,
     simulator: Simulator,
     columns: list[int],
@@ -122,7 +130,8 @@ def _read(
 ) -> Recording:
     """Return what a log of held joint states holds: it shows each tick at the next."""
     context = simulator.get_context()
-    sample = diagram.GetSubsystemByName(SAMPLE)
+    sample = diagram.GetSubsystemByName(prefix + SAMPLE)
+    log = diagram.GetSubsystemByName(prefix + STATE_LOG)
     last = sample.get_output_port().Eval(sample.GetMyContextFromRoot(context))
     rows = np.vstack([log.FindLog(context).data().T[1:], last])[:num_ticks]
     q, v, _ = np.split(rows, 3, axis=1)

@@ -147,6 +147,16 @@ def goals() -> list[Goal]:
         )
         for step, most in ((0.001, 1.1), (0.01, 1.7))
     ]
+    found += [
+        Goal(
+            f"an empty tick in Python against C++ only, {1e3 * step:g} ms",
+            Choice(_CPP, "same servo, and an empty tick in Python", (step,)),
+            Choice(_CPP, "same servo", (step,)),
+            math.inf,
+            math.nan,
+        )
+        for step in (0.001, 0.01)
+    ]
     fast, accurate = Choice(_OURS, "fast"), Choice(_OURS, "accurate")
     usual = Choice("MuJoCo", _MUJOCO)
     found += [
@@ -169,6 +179,20 @@ def goals() -> list[Goal]:
             "the same, MuJoCo with our servo in Python",
             accurate,
             Choice("MuJoCo", "our servo, Python"),
+            1e-3,
+            math.nan,
+        ),
+        Goal(
+            "C++ only, 1e-3 rad, MuJoCo implicitfast",
+            Choice(_CPP, "same servo"),
+            usual,
+            1e-3,
+            math.nan,
+        ),
+        Goal(
+            "an empty tick in Python, 1e-3 rad, MuJoCo implicitfast",
+            Choice(_CPP, "same servo, and an empty tick in Python"),
+            usual,
             1e-3,
             math.nan,
         ),
@@ -200,6 +224,16 @@ def goals() -> list[Goal]:
     ]
     for name, choice, most in peers:
         found.append(Goal(f"fast, 2.3e-4 rad, {name}", fast, choice, 2.3e-4, most))
+    found.append(
+        Goal(
+            "the least that Drake takes, 2.3e-4 rad, MuJoCo implicitfast 1 ms",
+            Choice(_CPP, "exact ZOH"),
+            usual._replace(steps=(0.001,)),
+            2.3e-4,
+            math.nan,
+            is_as_it_is=True,
+        )
+    )
     for preset, chosen in (("fast", fast), ("accurate", accurate)):
         found += [
             Goal(

@@ -219,7 +219,7 @@ def _compare_usual(
     contestants = [
         one
         for one in ours.make_contestants(task, num_arms=number)
-        if one.engine == ours.ENGINE and one.law == "servo"
+        if one.law == "servo"
     ]
     for module in peers.values():
         usual = getattr(module, "USUAL", None)
