@@ -37,7 +37,7 @@ from arm_drake.commands.arguments import (
     read_frames,
     read_initial,
 )
-from arm_drake.errors import ArmDrakeError, InputError, did_you_mean
+from arm_drake.errors import ArmDrakeError, InputError, find_close
 from arm_drake.importing import without_collection
 from arm_drake.output_files import unbroken
 
@@ -87,8 +87,9 @@ def _refuse(words: Sequence[str], options: argparse.Namespace) -> NoReturn:
     _COMMANDS[options.command].add_arguments(parser)
     word, hint = words[0], ""
     if word.startswith("-"):
-        known = re.findall(r"--[a-z-]+", parser.format_help())
-        hint = did_you_mean(word.partition("=")[0], known)
+        known = re.findall(r"--([a-z-]+)", parser.format_help())
+        close = find_close(word.partition("=")[0].lstrip("-"), known, _ALIKE)
+        hint = f"; did you mean '--{close}'?" if close else ""
     elif "=" in word and hasattr(options, "xacro_args"):
         hint = f"; did you mean {word.replace('=', XACRO, 1)!r}?"
     parser.error(f"unrecognized arguments: {' '.join(words)}{hint}")
@@ -126,6 +127,9 @@ def make_parser() -> argparse.ArgumentParser:
 
 
 _USAGE_ERROR = 2
+
+# So much alike are an option and the one that was meant: "foo" and "loop" are not.
+_ALIKE = 0.6
 
 
 def _end_soon() -> None:
@@ -200,7 +204,10 @@ def _expanding_ahead(
 
 
 def load_robot_of(
-    options: argparse.Namespace, positions: Mapping[str, float] | None = None
+    options: argparse.Namespace,
+    positions: Mapping[str, float] | None = None,
+    *,
+    strict: bool = False,
 ) -> Any:
     """Load the robot of a command line, with initial positions besides [rad, m]."""
     if is_scene(options.robot):
@@ -222,6 +229,7 @@ def load_robot_of(
         pose=getattr(options, "pose", None),
         namespace=options.namespace,
         initial_positions=initial,
+        strict=strict,
         decompose=options.decompose,
         max_faces=getattr(options, "max_faces", None),
         frames=read_frames(options.add_frame),
@@ -331,28 +339,29 @@ def _ik(options: argparse.Namespace) -> int:
     with unbroken(), without_collection():
         from arm_drake.commands.planning import run_ik
 
-    return run_ik(options, load_robot_of(options))
+    return run_ik(options, load_robot_of(options, strict=options.strict))
 
 
 def _plan(options: argparse.Namespace) -> int:
     with unbroken(), without_collection():
         from arm_drake.commands.planning import run_plan
 
-    return run_plan(options, functools.partial(load_robot_of, options))
+    load = functools.partial(load_robot_of, options, strict=options.strict)
+    return run_plan(options, load)
 
 
 def _analyze(options: argparse.Namespace) -> int:
     with unbroken(), without_collection():
         from arm_drake.commands.analyze import run_analyze
 
-    return run_analyze(options, load_robot_of(options))
+    return run_analyze(options, load_robot_of(options, strict=options.strict))
 
 
 def _tune(options: argparse.Namespace) -> int:
     with unbroken(), without_collection():
         from arm_drake.commands.tune import run_tune
 
-    return run_tune(options, load_robot_of(options))
+    return run_tune(options, load_robot_of(options, strict=options.strict))
 
 
 def _many(options: argparse.Namespace) -> int:
@@ -393,7 +402,7 @@ _COMMANDS: Mapping[str, _Command] = {
         "load a robot and print what was not taken as written",
         "Exits with 0 if the robot can be used, 1 if the report has an error: a "
         "controller, a sensor or a collision shape is lost (a mesh that isn't drawn "
-        "is a warning; with --strict any line counts), 2 if it can't be loaded.",
+        "is a warning; with --strict warnings count, too), 2 if it can't be loaded.",
         add_robot_arguments,
         _check,
     ),

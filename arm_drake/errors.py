@@ -11,6 +11,9 @@ from typing import Any, Protocol
 # So many names that exist are listed in a message.
 _MAX_NAMES = 30
 
+# Of more than that, so many of those that are most alike.
+_NEAREST = 5
+
 # So many files beside one that isn't there.
 _MAX_FILES = 5
 
@@ -189,7 +192,8 @@ def suggest(name: str, known: Iterable[str]) -> str:
     hint = f"did you mean {close!r}? " if close is not None else ""
     if len(names) > _MAX_NAMES:
         names = sorted(names, key=lambda other: -_likeness(name, other))
-    return f"{hint}known: {first_names(names, _MAX_NAMES) if names else 'none'}"
+        return f"{hint}known: {first_names(names, _NEAREST)}"
+    return f"{hint}known: {', '.join(names) or 'none'}"
 
 
 def suggest_file(path: Path) -> str:

@@ -124,7 +124,7 @@ def load_robot(
             its topics where it is alone; by default the one in the Gazebo plugin tag.
         pose: Pose of the base: x, y, z [m], roll, pitch, yaw [rad].
         initial_positions: Initial positions by joint [rad] or [m].
-        strict: Whether every line of the load report is an error.
+        strict: Whether a warning of the load report is an error, too.
         decompose: Whether a collision mesh becomes several convex parts, not one hull;
             it needs the extra `decompose`, and minutes when it is first done.
         max_faces: Triangles of each mesh that is drawn, at most; needs the extra
@@ -138,8 +138,8 @@ def load_robot(
 
     Raises:
         MissingExtraError: If an extra is needed that isn't installed.
-        InputError: If the files can't be used at all; or with ``strict``, if anything
-            was not taken as written.
+        InputError: If the files can't be used at all; or with ``strict``, if the
+            report has an error or a warning.
     """
     arguments = {k: v for k, v in locals().items() if k != "controller_types"}
     return _load(arguments, controller_types)
@@ -156,8 +156,8 @@ def _load(
     description, config = _complete(loading, description, config)
     robot = _make_robot(loading, description, config, bridges)
     _try(loading, robot)
-    if arguments["strict"] and len(robot.report):
-        raise InputError(f"not everything was taken as written:\n{robot.report}")
+    if arguments["strict"]:
+        robot.report.check()
     return robot
 
 

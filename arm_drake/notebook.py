@@ -73,6 +73,10 @@ class Recording:
         """
         self.html = page
 
+    def __repr__(self) -> str:
+        """Return how large it is."""
+        return f"<Recording, {len(self.html) / 1e6:.1f} MB of HTML>"
+
     def save(self, path: str | Path) -> None:
         """Write it as a file that any browser opens.
 
@@ -342,7 +346,7 @@ def view(
         fixed_frame: Link that stays where it is, or "world".
         positions: Positions [rad] or [m] of independent joints, by name.
         host: Address of the page.
-        port: Port of the page, or the first free one after it.
+        port: Port of the page, or the first free one after it; 0 is any free one.
         load_options: What else `load_robot` takes.
 
     Raises:
@@ -404,7 +408,7 @@ def simulate(
         history: How much of the past the rollout has at least [s].
         shown: What to draw, as `LiveViews.show`.
         host: Address of the page.
-        port: Port of the page, or the first free one after it.
+        port: Port of the page, or the first free one after it; 0 is any free one.
         ros: How programs that speak ROS 2 get in, such as "rosbridge"; see `RosServer`.
 
     Raises:

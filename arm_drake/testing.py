@@ -1,19 +1,83 @@
-"""Claims about many runs, for tests: `assert_success_rate`."""
+"""Claims about a run or many runs, for tests, such as `assert_success_rate`."""
 
 import bisect
 from collections.abc import Callable, Iterable
 from typing import Any
 
+import numpy as np
+
 from arm_drake.batch.api import iterate_many
 from arm_drake.batch.runs import Outcome, RunResult, describe
 from arm_drake.batch.statistics import check_confidence, most_failures, rate_interval
 from arm_drake.errors import InputError
+from arm_drake.rollout.rollout import Rollout
+from arm_drake.simulation.simulation import Simulation
 
 # So many failures are named in a message.
 _MOST_NAMED = 5
 
 # With more runs nobody waits for it.
 _MOST_RUNS = 10_000_000
+
+
+def assert_succeeded(run: Simulation | Outcome) -> None:
+    """Assert that all goals of a run ended well, and nothing was refused or failed.
+
+    Args:
+        run: A simulation that has run, or what `run_many` keeps of one.
+
+    Raises:
+        AssertionError: If not; each line says what failed, or hasn't ended.
+    """
+    outcome = run if isinstance(run, Outcome) else Outcome.of(run)
+    lines = (*outcome.failures, *outcome.unfinished)
+    if lines:
+        raise AssertionError("\n".join(lines))
+
+
+def assert_followed(
+    rollout: Rollout,
+    controller: str,
+    *,
+    within: float,
+    saturation: float | None = None,
+) -> None:
+    """Assert that joints followed their references.
+
+    Args:
+        rollout: What was recorded.
+        controller: Name of the controller whose references count.
+        within: The largest tracking error that passes [rad or m].
+        saturation: For how long each of its joints may be at its effort limit [s]; by
+            default that doesn't matter.
+
+    Raises:
+        AssertionError: If not; a line for each joint, with the time and the number.
+        KeyError: If there is no such controller.
+    """
+    error = np.abs(rollout.tracking_error(controller))
+    reference = rollout.references[controller]
+    if not np.isfinite(reference.position).any():
+        raise AssertionError(f"{controller}: it had no references")
+    # Without a reference there is no error; a measured NaN is one.
+    error[np.isnan(reference.position)] = 0.0
+    error[np.isnan(error)] = np.inf
+    lines = []
+    for name, column in zip(reference.joint_names, error.T, strict=True):
+        row = int(np.argmax(column))
+        if column[row] > within:
+            text = f"tracking error {column[row]:.4g} at {rollout.time[row]:.4g} s"
+            lines.append(f"joint {name!r}: {text}; expected at most {within:g}")
+    for name, seconds in rollout.effort_saturation().items():
+        if saturation is None or name not in reference.joint_names:
+            continue
+        if seconds > saturation:
+            column = rollout.is_at_limit[:, rollout.joint_names.index(name)]
+            first = rollout.time[int(np.argmax(column))]
+            text = f"at its effort limit for {seconds:.4g} s, first at {first:.4g} s"
+            lines.append(f"joint {name!r}: {text}; expected at most {saturation:g} s")
+    if lines:
+        raise AssertionError("\n".join(lines))
 
 
 def assert_success_rate(

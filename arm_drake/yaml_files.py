@@ -206,7 +206,40 @@ def _explain(error: yaml.YAMLError) -> YamlError:
     problem = getattr(error, "problem", None) or " ".join(str(error).split())
     if problem.startswith(r"found character '\t'"):
         problem = "a TAB indents this line; expected spaces"
+    elif mark is not None and mark.buffer is not None:
+        start = getattr(error, "context_mark", None)
+        told = _in_our_words(problem, mark, start)
+        if problem == "found unexpected end of stream" and start is not None:
+            mark = start  # Where the quote opens, not the end of the file.
+        problem = told
     return YamlError(f"malformed YAML: {problem}", mark.line + 1 if mark else None)
+
+
+def _in_our_words(problem: str, mark: yaml.Mark, start: yaml.Mark | None) -> str:
+    """Return what is wrong at a mark, for the usual mistakes in plain words.
+
+    `start` is where PyYAML began to read what it couldn't end.
+    """
+    lines = str(mark.buffer).rstrip("\0").split("\n")
+    line = lines[mark.line].strip() if mark.line < len(lines) else ""
+    if problem.startswith("expected <block end>"):
+        text = f"the indentation of {line!r}, {mark.column} columns, fits no line above"
+        if start is not None and start.column == mark.column:
+            text = f"{line!r} stands where the lines above begin otherwise"
+            return f"{text}; expected either keys or items '- ...' in one block"
+        own = "" if start is None else f"{start.column}, as in line {start.line + 1}"
+        return f"{text}; expected {own or 'that of its neighbours'}"
+    if problem == "mapping values are not allowed here":
+        if len(re.findall(r":(?=\s|$)", line)) > 1:
+            text = f"a second ': ' in {line!r}"
+            return f"{text}; expected quotes around a text with ': ' in it"
+        text = f"{line!r} goes on with the value of the line above"
+        return f"{text}; expected its indentation, or ':' at its end"
+    if problem == "found unexpected end of stream" and start is not None:
+        opened = lines[start.line].strip()
+        text = f"the quote that opens in {opened!r} never closes"
+        return f"{text}; expected another one at the text's end"
+    return problem
 
 
 def plain(node: yaml.Node) -> Any:

@@ -353,7 +353,41 @@ def test_check_reads_as_blocks_by_severity_and_file(run, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_strict_check_exits_with_1_for_a_mere_remark(run, tmp_path):
+@pytest.mark.parametrize("robot", bundled_robots())
+def test_bundled_robots_bear_strict(run, robot):
+    assert run("check", robot, "--strict")[0] == 0
+
+    arguments = ("sim", robot, "--headless", "--duration", "0.01", "--strict")
+    assert run(*arguments)[::2] == (0, "")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("sim", "--headless", "--duration", "0.01"),
+        ("ik", "--pose", "0.5,0,0.5"),
+        ("plan", "--to", "0.5,0,0.5"),
+        ("analyze",),
+        ("tune",),
+    ],
+)
+def test_strict_refuses_a_robot_with_a_warning(run, tmp_path, command):
+    yaml = (configs_folder() / "doosan_a0912/controllers.yaml").read_text()
+    wrong = tmp_path / "controllers.yaml"
+    wrong.write_text(yaml.replace("goal_time:", "goal_tim:"))
+    name, *words = command
+
+    code, out, err = run(
+        name, "doosan_a0912", "--controllers", wrong, "--strict", *words
+    )
+
+    assert (code, out) == (2, "")
+    assert err.startswith("arm-drake: not everything was taken as written:\nwarning: ")
+
+
+@pytest.mark.slow
+def test_strict_check_exits_with_1_for_a_warning(run, tmp_path):
     yaml = (configs_folder() / "doosan_a0912/controllers.yaml").read_text()
     remark = tmp_path / "controllers.yaml"
     remark.write_text(yaml.replace("goal_time:", "goal_tim:"))
@@ -954,8 +988,11 @@ def test_a_motion_with_nan_is_found_before_the_start(run, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--port", "80"], "port 80: expected 1024 to 65535"),
-        (["--port", "99999"], "port 99999: expected 1024 to 65535"),
+        (["--port", "80"], "port 80: expected 1024 to 65535, or 0 for any free one"),
+        (
+            ["--port", "99999"],
+            "port 99999: expected 1024 to 65535, or 0 for any free one",
+        ),
         (
             ["--host", "203.0.113.7"],
             "host '203.0.113.7': expected localhost, * (all addresses) or an address "

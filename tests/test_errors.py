@@ -63,6 +63,12 @@ def test_a_missing_extra_names_its_installation():
         ("elbw", ["wrist", "elbow"], "did you mean 'elbow'? known: elbow, wrist"),
         ("x", ["wrist", "elbow", "elbow"], "known: elbow, wrist"),
         ("x", [], "known: none"),
+        (
+            "joint07",
+            [f"joint{n}" for n in range(40)],
+            "did you mean 'joint7'? known: joint0, joint7, joint10, joint17, joint20 "
+            "and 35 more",
+        ),
     ],
 )
 def test_suggest_names_the_closest_and_all(name, known, message):

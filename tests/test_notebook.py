@@ -274,6 +274,8 @@ def test_an_animation_is_the_same_simulation(tmp_path) -> None:
 @pytest.mark.slow
 def test_an_animation_is_written_to_a_file(tmp_path) -> None:
     _, recording = ad.animate(ad.load_robot(ARM), 0.1)
+    megabytes = len(recording.html) / 1e6
+    assert repr(recording) == f"<Recording, {megabytes:.1f} MB of HTML>"
 
     recording.save(tmp_path / "arm.html")
 

@@ -174,7 +174,7 @@ def add_server_arguments(parser: argparse.ArgumentParser) -> None:
         help="draw meshes with at most so many triangles, for smaller recordings",
     )
     add("--host", help="address of the page (localhost)")
-    add("--port", type=int, help="port of the page (first free from 7000)")
+    add("--port", type=int, help="port of the page, 0 for any (first free from 7000)")
     add(
         "--open",
         action=argparse.BooleanOptionalAction,
@@ -246,7 +246,7 @@ def add_launch_arguments(parser: argparse.ArgumentParser) -> None:
     add("--show-args", action="store_true", help="say which arguments it has")
     add("--print", action="store_true", help="say what it would start")
     add_loading_arguments(parser)
-    text = "take every line of the report as an error"
+    text = "take warnings of the report as errors"
     add("--strict", action="store_true", help=text)
     add_json(parser)
     text = "; where nothing is simulated"
@@ -666,7 +666,7 @@ def add_robot_arguments(parser: argparse.ArgumentParser) -> None:
         help="xacro arguments",
     )
     add_loading_arguments(parser)
-    text = "take every line of the report as an error"
+    text = "take warnings of the report as errors"
     add("--strict", action="store_true", help=text)
     add_json(parser)
 

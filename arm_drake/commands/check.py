@@ -26,7 +26,7 @@ _LEFT_OUT = ("the controller", "left out")
 def check(robot: Robot, *, strict: bool, as_json: bool) -> int:
     """Print a robot's summary and its load report; return the exit code.
 
-    It is 1 for anything reported about the files if `strict`.
+    It is 1 for an error in the report, and if `strict` for a warning, too.
     """
     _read_moveit_files(robot)
     simulation = Simulation(build_diagram(robot))
@@ -53,7 +53,8 @@ def check(robot: Robot, *, strict: bool, as_json: bool) -> int:
         "report": report.to_json(),
     }
     print(json.dumps(content) if as_json else _text(robot.title, content, report))
-    return _BAD if report.errors or (strict and len(report)) else _CLEAN
+    bad = report.problems if strict else report.errors
+    return _BAD if bad else _CLEAN
 
 
 def _read_moveit_files(robot: Robot) -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 from arm_drake import interfaces
 from arm_drake.controllers.controller_interface import ControllerInterface
 from arm_drake.description.robot import Robot
-from arm_drake.errors import InputError
 from arm_drake.manager.loaded_controllers import LoadedController
 from arm_drake.manager.loading import load_controllers_of
 from arm_drake.output_files import check_suffix, check_writable, writing
@@ -30,8 +29,8 @@ def run_graph(options: argparse.Namespace, load: Callable[[], Robot]) -> int:
     check_writable(options.output)
     robot = load()
     controllers, report = load_controllers_of(robot)
-    if options.strict and len(report):
-        raise InputError(f"not everything was taken as written:\n{report}")
+    if options.strict:
+        report.check()
     for entry in report:
         if entry.severity != "info":
             print(entry, file=sys.stderr)

@@ -72,6 +72,7 @@ def run_launch(options: argparse.Namespace) -> int:
     if not options.json:
         for line in dict.fromkeys(map(str, plan.not_started)):
             print(line, file=sys.stderr)
+    _check_strict(options, plan)
     _use_rviz(options, plan)
     plan = _with_loading(options, plan)
     if plan.robots and not plan.is_simulated:
@@ -131,8 +132,8 @@ def _check_only_robot(
 
 
 def _check_strict(options: argparse.Namespace, plan: LaunchPlan) -> None:
-    """Raise InputError if something was not taken as written and it had to be."""
-    lines = [*map(str, plan.report), *map(str, plan.not_started)]
+    """Raise InputError for problems and what isn't started, if they are to count."""
+    lines = [*map(str, plan.report.problems), *map(str, plan.not_started)]
     if options.strict and lines:
         text = "\n".join(("not everything was taken as written:", *lines))
         raise InputError(text, file=plan.file)
@@ -183,7 +184,6 @@ def _check_simulated(options: argparse.Namespace, plan: LaunchPlan) -> None:
 
 def _view(options: argparse.Namespace, plan: LaunchPlan) -> int:
     """Show robots that nothing controls, with sliders for their joints."""
-    _check_strict(options, plan)
     say_report(plan.report, strict=False)
     from arm_drake.commands.view import view, view_scene
 

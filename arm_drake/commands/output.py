@@ -226,9 +226,9 @@ def report_of(simulation: Simulation) -> LoadReport:
 
 
 def say_report(report: LoadReport, *, strict: bool) -> None:
-    """Print what was not taken as written, or raise InputError for it if `strict`."""
-    if strict and len(report):
-        raise InputError(f"not everything was taken as written:\n{report}")
+    """Print errors and warnings, or raise InputError for them if `strict`."""
+    if strict:
+        report.check()
     for entry in report.grouped():
         if entry.severity != "info":
             print(entry, file=sys.stderr)

@@ -1,20 +1,20 @@
 """LoadReport: one line for everything that was not taken as written."""
 
+import collections
 import dataclasses as dc
 import functools
-import json
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Literal
 
-from arm_drake.errors import Located, first_names
+from arm_drake.errors import InputError, Located, first_names
 from arm_drake.importing import dataclass
 
 Severity = Literal["info", "warning", "error"]
 # The order in which people read them.
-_ORDER = ("error", "warning", "info")
+_ORDER: Sequence[Severity] = ("error", "warning", "info")
 
 # Of things found in many places, so many are named in the text.
 _MAX_PLACES = 4
@@ -138,6 +138,20 @@ class LoadReport:
         """The entries of severity "error"."""
         return tuple(e for e in self._entries if e.severity == "error")
 
+    @property
+    def problems(self) -> tuple[ReportEntry, ...]:
+        """The entries that count with `strict`: errors and warnings.
+
+        What is "info" makes no difference, or is taken as what it stands for.
+        """
+        return tuple(e for e in self._entries if e.severity != "info")
+
+    def check(self) -> None:
+        """Raise InputError for errors and warnings."""
+        if self.problems:
+            text = str(LoadReport(self.problems))
+            raise InputError(f"not everything was taken as written:\n{text}")
+
     def to_json(self) -> list[dict[str, object]]:
         """Return the entries as plain data for JSON."""
         return [dc.asdict(entry) for entry in self._entries]
@@ -176,11 +190,13 @@ class LoadReport:
 
     def __str__(self) -> str:
         """Return the report as lines of text, errors first, no line twice."""
-        return "\n".join(map(str, self.grouped()))
+        return "\n".join(map(str, self.grouped())) or "nothing to report"
 
     def __repr__(self) -> str:
-        """Return the report as JSON."""
-        return f"LoadReport({json.dumps(self.to_json())})"
+        """Return how many entries of each severity there are."""
+        numbers = collections.Counter(entry.severity for entry in self._entries)
+        found = [f"{numbers[each]} {each}" for each in _ORDER if numbers[each]]
+        return f"<LoadReport, {', '.join(found) or 'nothing to report'}>"
 
 
 class Places:

@@ -190,6 +190,10 @@ class SensorHandle(Generic[_Sensor]):
         self._system = system
         self._find_context = find_context
 
+    def __repr__(self) -> str:
+        """Return its kind, and the topics that it publishes on."""
+        return f"<{type(self).__name__} on {', '.join(self.topics.values())}>"
+
     @property
     def topics(self) -> dict[str, str]:
         """Its topics, by what is on them."""

@@ -350,6 +350,10 @@ class TopicHandle:
         self._mailbox = mailbox
         self._topic = topic
 
+    def __repr__(self) -> str:
+        """Return which topic it is."""
+        return f"<TopicHandle {self.name!r}>"
+
     @property
     def controllers(self) -> tuple[str, ...]:
         """Names of the controllers that take its messages."""

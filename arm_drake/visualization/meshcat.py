@@ -199,14 +199,16 @@ def start_meshcat(*, host: str = "localhost", port: int | None = None) -> Meshca
 
     Args:
         host: Address to listen on; "localhost" is seen from this machine only.
-        port: Port to listen on; by default the first free one from 7000 on.
+        port: Port to listen on, 0 for any free one; by default the first free one from
+            7000 on.
 
     Raises:
         InputError: If the server can't listen there.
     """
     place = host if port is None else f"{host}:{port}"
-    if port is not None and not _FIRST_PORT <= port <= _LAST_PORT:
-        raise InputError(f"port {port}: expected {_FIRST_PORT} to {_LAST_PORT}")
+    if port and not _FIRST_PORT <= port <= _LAST_PORT:
+        text = f"expected {_FIRST_PORT} to {_LAST_PORT}, or 0 for any free one"
+        raise InputError(f"port {port}: {text}")
     if host not in _HOSTS:
         try:
             ipaddress.ip_address(host)

@@ -137,7 +137,7 @@ def test_the_outcome_tells_of_goals_and_failures() -> None:
     assert goal.result.error_code == 0
     assert goal.where.endswith("tutorial.yaml:6: [0].goal")
     assert done.value.failures == ()
-    assert str(done.value.report) == ""
+    assert str(done.value.report) == "nothing to report"
     assert short.value.goals[0].status is ad.GoalStatus.EXECUTING
     assert done.input.name == "as it is"
     assert done.wall_time > 0.0

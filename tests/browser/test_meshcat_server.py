@@ -35,3 +35,10 @@ def test_the_server_refuses_connections_from_elsewhere() -> None:
     for address in ["127.0.0.2", *addresses]:
         with pytest.raises(ConnectionRefusedError):
             socket.create_connection((address, meshcat.port()), timeout=5.0).close()
+
+
+def test_port_0_is_any_free_one() -> None:
+    meshcat = ad.start_meshcat(port=0)
+
+    assert meshcat.port() != 0
+    assert meshcat.web_url() == f"http://localhost:{meshcat.port()}"

@@ -74,6 +74,7 @@ def test_one_command_line_leaves_nothing_for_the_next():
             "unrecognized arguments: a=b=1; did you mean 'a:=b=1'?",
         ),
         ("check r a:=1 --json -x:=1 b", "unrecognized arguments: -x:=1 b"),
+        ("sim r --foo", "unrecognized arguments: --foo"),
         ("check r --json :=1", "expected NAME:=VALUE, got ':=1'"),
         ("list a:=1", "unrecognized arguments: a:=1"),
         (

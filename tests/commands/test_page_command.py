@@ -59,6 +59,22 @@ def test_a_taken_port_is_said(
     assert (captured.out, captured.err) == ("", f"warning: {text}\n")
 
 
+def test_port_0_is_any_free_one_and_its_address_is_real(
+    options: argparse.Namespace, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options.port = 0
+
+    with start_page(options) as page, start_page(options) as other:
+        assert page.url == f"http://localhost:{page.port}/"
+        assert repr(page) == f"<Page http://localhost:{page.port}/>"
+        assert 0 not in (page.port, other.port)
+        assert page.port != other.port
+        with socket.create_connection(("localhost", page.port), timeout=5.0):
+            pass
+
+    assert capsys.readouterr().err == ""
+
+
 def test_a_public_page_is_warned_of(
     options: argparse.Namespace, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -123,7 +139,7 @@ def test_a_page_that_cannot_be_is_an_input_error(options: argparse.Namespace) ->
     with pytest.raises(InputError) as caught:
         start_page(options)
 
-    assert str(caught.value) == "port 1: expected 1024 to 65535"
+    assert str(caught.value) == "port 1: expected 1024 to 65535, or 0 for any free one"
 
 
 def test_the_first_ctrl_c_stops_and_the_second_ends() -> None:

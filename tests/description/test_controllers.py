@@ -511,6 +511,31 @@ def test_parameters_without_a_node_are_taken_for_every_node(load):
             "a:\n\tb: 1",
             "0.yaml:2: malformed YAML: a TAB indents this line; expected spaces",
         ),
+        (
+            "a:\n  b:\n    c: 1\n   d: 2",
+            "0.yaml:4: malformed YAML: the indentation of 'd: 2', 3 columns, fits no "
+            "line above; expected 2, as in line 2",
+        ),
+        (
+            "a:\n  - b\n  c: 1",
+            "0.yaml:3: malformed YAML: 'c: 1' stands where the lines above begin "
+            "otherwise; expected either keys or items '- ...' in one block",
+        ),
+        (
+            "a: b: c",
+            "0.yaml:1: malformed YAML: a second ': ' in 'a: b: c'; expected quotes "
+            "around a text with ': ' in it",
+        ),
+        (
+            "a:\n  b: 1\n    c: 2",
+            "0.yaml:3: malformed YAML: 'c: 2' goes on with the value of the line "
+            "above; expected its indentation, or ':' at its end",
+        ),
+        (
+            "a:\n  b: 'x\n  c: 2",
+            '0.yaml:2: malformed YAML: the quote that opens in "b: \'x" never closes; '
+            "expected another one at the text's end",
+        ),
         ("a: {}\n---\nb: {}", "0.yaml:2: malformed YAML: but found another document"),
         ("a: *b", "0.yaml:1: malformed YAML: found undefined alias 'b'"),
         (

@@ -296,7 +296,7 @@ def test_a_link_to_a_folder_above_is_not_followed_for_ever(tmp_path):
         root = finder.find("arm")
 
     assert {path.name for path in (root / "c").iterdir()} == {"1", "2", "up"}
-    assert str(report) == ""
+    assert not len(report)
 
 
 FALLS_BACK = {
@@ -377,7 +377,7 @@ def test_a_setup_py_with_a_deep_expression_is_read(tmp_path):
 
     finder.find("arm")
 
-    assert str(report) == ""
+    assert not len(report)
 
 
 @pytest.mark.parametrize("name", ["CMakeLists.txt", "setup.py"])

@@ -54,6 +54,12 @@ def simulation() -> ad.Simulation:
     return ad.Simulation(ad.build_diagram(load()))
 
 
+def test_a_camera_is_shown_with_its_topics(simulation: ad.Simulation) -> None:
+    camera = simulation.camera("front")
+
+    assert repr(camera) == f"<CameraHandle on {', '.join(camera.topics.values())}>"
+
+
 def test_a_box_is_where_a_pinhole_projects_it(simulation: ad.Simulation) -> None:
     depth = simulation.camera("front").depth()
     focal = 320 / (2.0 * math.tan(0.5))

@@ -57,6 +57,7 @@ def test_a_point_is_answered_with_joint_positions_which_the_arm_takes(
     simulation.advance_to(2.0)
     assert np.allclose(arm_of(simulation), result.q_list, atol=0.01)
     home = simulation.topic("/centauri/home")
+    assert repr(home) == "<TopicHandle '/centauri/home'>"
     assert not home.call(False).success
     assert home.call({"data": True}).success
     assert simulation.mailbox.sent[-1].message.data == (0.0,) * 6

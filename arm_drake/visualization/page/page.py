@@ -302,7 +302,7 @@ class PageServer:
         self.is_public = not is_local(host)
         self._sockets = _listen(host, port)
         self.port = int(self._sockets[0].getsockname()[1])
-        self.has_moved = port is not None and port != self.port
+        self.has_moved = bool(port) and port != self.port
         name = host if host not in _ANYWHERE else socket.gethostname()
         self.url = f"http://{f'[{name}]' if ':' in name else name}:{self.port}/"
         self._clients: set[PanelSocket] = set()
@@ -391,13 +391,14 @@ class PageServer:
 
 
 def _listen(host: str, port: int | None) -> list[socket.socket]:
-    """Return sockets on the first free port."""
-    if port is not None and port not in _PORTS:
-        raise InputError(f"port {port}: expected {_PORTS[0]} to {_PORTS[-1]}")
+    """Return sockets on the first free port; of port 0 on any free one."""
+    if port and port not in _PORTS:
+        text = f"expected {_PORTS[0]} to {_PORTS[-1]}, or 0 for any free one"
+        raise InputError(f"port {port}: {text}")
     first = _FIRST_PORT if port is None else port
     for tried in range(first, min(first + _TRIED_PORTS, _PORTS.stop)):
         try:
-            return _bind(host, tried)
+            return _bind(host, tried if port != 0 else 0)
         except OSError as error:
             if error.errno == errno.EADDRINUSE:
                 continue
@@ -407,7 +408,8 @@ def _listen(host: str, port: int | None) -> list[socket.socket]:
         except ValueError:
             break
     else:
-        raise InputError(f"no port from {first} to {tried} is free")
+        which = f"no port from {first} to {tried}" if port != 0 else "no port"
+        raise InputError(f"{which} is free")
     raise InputError(
         f"host {host!r}: expected localhost, * (all addresses) or an address of this "
         "machine"
@@ -415,7 +417,7 @@ def _listen(host: str, port: int | None) -> list[socket.socket]:
 
 
 def _bind(host: str, port: int) -> list[socket.socket]:
-    """Return sockets on a port."""
+    """Return sockets on a port, of all addresses the same one; 0 is any."""
     if host == "localhost":
         addresses = ["127.0.0.1", "::1"]
     elif host in _ANYWHERE:
@@ -440,6 +442,7 @@ def _bind(host: str, port: int) -> list[socket.socket]:
                     continue
                 raise
             made.setblocking(False)
+            port = int(made.getsockname()[1])
             sockets.append(stack.enter_context(made))
         stack.pop_all()
         return sockets
@@ -504,8 +507,8 @@ class Page(Scene):
         Args:
             host: Address to listen on; "localhost" is seen from this machine only, "*"
                 from everywhere.
-            port: Port to listen on, or the first free one after it; by default the
-                first free one from 7000 on.
+            port: Port to listen on, or the first free one after it; 0 is any free one,
+                and by default it is the first free one from 7000 on.
 
         Raises:
             InputError: If it can't listen there.
@@ -526,6 +529,10 @@ class Page(Scene):
         except InputError:
             super().close()
             raise
+
+    def __repr__(self) -> str:
+        """Return where it is."""
+        return f"<Page {self.url}>"
 
     @property
     def url(self) -> str:

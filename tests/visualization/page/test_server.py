@@ -202,8 +202,8 @@ def test_the_first_free_port_from_7000_on_is_no_other_than_asked_for() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"port": 80}, "port 80: expected 1024 to 65535"),
-        ({"port": 65536}, "port 65536: expected 1024 to 65535"),
+        ({"port": 80}, "port 80: expected 1024 to 65535, or 0 for any free one"),
+        ({"port": 65536}, "port 65536: expected 1024 to 65535, or 0 for any free one"),
         (
             {"host": "my-robot"},
             "host 'my-robot': expected localhost, * (all addresses) or an address of "
