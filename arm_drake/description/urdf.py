@@ -153,7 +153,7 @@ class RobotDescription:
         known = PackageFinder(self.file, self.package_paths).known()
         return (*own, *(folder for name, folder in known if _MOVEIT in name))
 
-    @property
+    @functools.cached_property
     def movable_joints(self) -> tuple[JointInfo, ...]:
         """The joints with a degree of freedom, in the order of the file."""
         return tuple(joint for joint in self.joints if joint.is_movable)

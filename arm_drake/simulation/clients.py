@@ -48,7 +48,7 @@ from arm_drake.messages import (
 from arm_drake.messages.base import renew, stamp_of, to_message
 from arm_drake.simulation.directory import TopicInfo, TopicList
 from arm_drake.simulation.mailbox import GoalHandle, Mailbox
-from arm_drake.simulation.motion import StepMessage, find_beyond_limits
+from arm_drake.simulation.motion import StepMessage
 from arm_drake.simulation.motion_files import make_message
 from arm_drake.simulation.topics import (
     COMMANDS,
@@ -299,11 +299,9 @@ def _warn_of_limits(
     if not isinstance(trajectory, JointTrajectory):
         return
     prefix = name.removesuffix(system.params.controller_name)
-    joints = robot.description.movable_joints
-    values = mailbox.eval_output(f"{prefix}joint_states")
-    start = dict(zip((joint.name for joint in joints), values, strict=False))
+    watch, start = mailbox.watch_limits(robot, prefix)
     lines: dict[str, str] = {}
-    for index, joint, problem in find_beyond_limits(joints, trajectory, start):
+    for index, joint, problem in watch.find(trajectory, start):
         lines.setdefault(joint, f"{name}: points[{index}]: {problem}")
     for line in lines.values():
         warnings.warn(line, ArmDrakeWarning, stacklevel=3)

@@ -2,7 +2,7 @@
 
 import dataclasses as dc
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple, TypeAlias
 
 from pydrake.common.value import Value
@@ -10,6 +10,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, InputPort, OutputPort
 
 from arm_drake.controllers.cycles import MessageBatch
+from arm_drake.description.robot import Robot
 from arm_drake.manager import MANAGER, ControllerManager
 from arm_drake.manager.state import CommandLimited, ControllerFailure
 from arm_drake.messages import (
@@ -34,7 +35,7 @@ from arm_drake.messages import (
     TopicRejected,
 )
 from arm_drake.rollout.rollout import ClientInput
-from arm_drake.simulation.motion import PlanTo, TaskOutcome
+from arm_drake.simulation.motion import LimitWatch, PlanTo, TaskOutcome
 from arm_drake.simulation.topics import describe_grip
 
 
@@ -166,6 +167,9 @@ class Mailbox:
         self._sources = []
         self._ports: dict[str, InputPort] = {}
 
+        # What watches trajectories for limits of joints, by the robots' prefixes.
+        self._watches: dict[str, LimitWatch] = {}
+
         # Why controllers can't be activated, by name.
         self._obstacles: dict[str, str] = {}
         for manager in managers:
@@ -195,6 +199,9 @@ class Mailbox:
     def reset(self) -> None:
         """Forget all, as the simulation begins anew."""
         self._next_event = [0] * len(self._sources)
+
+        # Where the joints of robots are at a time [s], by their prefixes.
+        self._starts: dict[str, tuple[float, dict[str, float]]] = {}
 
         # What lies on the ports.
         self._lying: dict[str, list[Sent]] = {}
@@ -335,6 +342,22 @@ class Mailbox:
     def eval_output(self, port: str) -> Any:
         """Return the present value of an output port of the diagram."""
         return self.diagram.GetOutputPort(port).Eval(self.simulator.get_context())
+
+    def watch_limits(
+        self, robot: Robot, prefix: str
+    ) -> tuple[LimitWatch, Mapping[str, float]]:
+        """Return what finds joints beyond their limits, and where they are now."""
+        joints = robot.description.movable_joints
+        if prefix not in self._watches:
+            self._watches[prefix] = LimitWatch(joints)
+        now = self.time
+        then, start = self._starts.get(prefix, (math.nan, {}))
+        if then != now:
+            values = self.eval_output(f"{prefix}joint_states").tolist()
+            names = [joint.name for joint in joints]
+            start = dict(zip(names, values, strict=False))
+            self._starts[prefix] = now, start
+        return self._watches[prefix], start
 
     def forget_before(self, time: float) -> None:
         """Forget what was sent before a time [s], and feedback of ended goals."""

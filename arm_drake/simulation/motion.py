@@ -355,36 +355,65 @@ def _scaled_end(
 _FASTER = 1.01
 
 
-def find_beyond_limits(
-    joints: Iterable[JointInfo],
-    trajectory: JointTrajectory,
-    start: Mapping[str, float] | None = None,
-) -> Iterator[tuple[int, str, str]]:
-    """Yield which point takes which joint beyond its limits, and a line about it.
+class LimitWatch:
+    """Finds what in trajectories takes joints beyond their limits."""
 
-    Speeds are those of the points, and at least what the way between two of them takes;
-    `start` is where the joints are before, if that is known.
-    """
-    joints, order = tuple(joints), trajectory.joint_names
-    before, then = start or {}, 0.0
-    for index, point in enumerate(trajectory.points):
-        positions = dict(zip(order, point.positions, strict=False))
-        for name, problem in beyond_limits(joints, positions):
-            yield index, name, problem
-        speeds = dict(zip(order, map(abs, point.velocities), strict=False))
-        now = point.time_from_start.to_seconds()
-        for joint in joints:
-            name, limit = joint.name, joint.limits.velocity
-            mean = 0.0
-            if joint.type != "continuous" and now > then and {name} <= {*before}:
-                mean = abs(positions.get(name, before[name]) - before[name])
-                mean /= now - then
-            speed = max(mean, speeds.get(name, 0.0))
-            if limit is not None and 0.0 < _FASTER * limit < speed:
-                unit = interfaces.unit(interfaces.VELOCITY, joint.type)
-                text = f"{name} would move at {speed:.3g} {unit}"
-                yield index, name, f"{text}, its limit is {limit:.3g} {unit}"
-        before, then = {**before, **positions}, now
+    def __init__(self, joints: Iterable[JointInfo]) -> None:
+        """Watch joints."""
+        self._joints = {joint.name: joint for joint in joints}
+        self._limits = {name: _limits_of(joint) for name, joint in self._joints.items()}
+
+    def find(
+        self, trajectory: JointTrajectory, start: Mapping[str, float] | None = None
+    ) -> Iterator[tuple[int, str, str]]:
+        """Yield which point takes which joint beyond limits, and a line about it.
+
+        Speeds are those of the points, and at least what the way between two of them
+        takes; `start` is where the joints are before, if that is known.
+        """
+        order = trajectory.joint_names
+        limits = [self._limits.get(name, _NO_LIMITS) for name in order]
+        before: Sequence[float | None] = [(start or {}).get(name) for name in order]
+        then, none = 0.0, (0.0,) * len(order)
+        for index, point in enumerate(trajectory.points):
+            positions, velocities = point.positions, point.velocities
+            if {len(positions), len(velocities)} - {0, len(order)}:
+                return  # The controller rejects it.
+            now = point.time_from_start.to_seconds()
+            speeds, step, fast, is_beyond = velocities or none, now - then, {}, False
+            for k, (lower, upper, most, turns) in enumerate(limits):
+                speed = abs(speeds[k])
+                if positions:
+                    q, last = positions[k], before[k]
+                    is_beyond = is_beyond or not lower <= q <= upper
+                    if step > 0.0 and last is not None and not turns:
+                        speed = max(speed, abs(q - last) / step)
+                if speed > most:
+                    fast[order[k]] = speed
+            if is_beyond:
+                at = dict(zip(order, positions, strict=True))
+                for name, problem in beyond_limits(self._joints.values(), at):
+                    yield index, name, problem
+            for name, speed in fast.items():
+                yield index, name, self._describe(name, speed)
+            before, then = positions or before, now
+
+    def _describe(self, name: str, speed: float) -> str:
+        joint = self._joints[name]
+        unit, limit = interfaces.unit(interfaces.VELOCITY, joint.type), joint.limits
+        text = f"{name} would move at {speed:.3g} {unit}"
+        return f"{text}, its limit is {limit.velocity:.3g} {unit}"
+
+
+# Ends of a range, speed above which a joint is beyond its limit, whether it turns
+# endlessly.
+_NO_LIMITS = (-math.inf, math.inf, math.inf, True)
+
+
+def _limits_of(joint: JointInfo) -> tuple[float, float, float, bool]:
+    limit = joint.limits.velocity
+    most = _FASTER * limit if limit is not None and limit > 0.0 else math.inf
+    return (*joint.limits.range, most, joint.type == "continuous")
 
 
 # Key of the steps of a motion that has parameters.

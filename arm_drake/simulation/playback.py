@@ -22,6 +22,7 @@ from arm_drake.simulation.mailbox import Mailbox
 from arm_drake.simulation.motion import (
     AFTER_MOTION,
     FollowThing,
+    LimitWatch,
     Motion,
     MotionStep,
     PickThing,
@@ -31,7 +32,6 @@ from arm_drake.simulation.motion import (
     Task,
     TaskOutcome,
     TopicMessage,
-    find_beyond_limits,
 )
 from arm_drake.simulation.recording import find_build_info
 
@@ -435,7 +435,7 @@ def list_beyond_limits(simulation: Runner, motion: Motion) -> list[str]:
         if step.at == 0.0:
             state = simulation.joint_states(robot.name)
             start = dict(zip(state.name, state.position, strict=True))
-        for index, joint, problem in find_beyond_limits(joints, trajectory, start):
+        for index, joint, problem in LimitWatch(joints).find(trajectory, start):
             line = f"{place}.points[{index}]: {problem}"
             found.setdefault((robot.name, joint), line)
     return list(found.values())

@@ -254,7 +254,9 @@ def test_an_equivalent_type_runs_as_ours(type_, other):
 def test_the_manager_loads_the_distros_parameters():
     parameters = {"state_publish_rate": 10.0}
 
-    assert loaded_by_manager(JTC, **parameters, distro="humble")[1] == []
+    assert loaded_by_manager(JTC, **parameters, distro="humble")[1] == [
+        "nothing to report"
+    ]
     assert loaded_by_manager(JTC, **parameters)[1] == [
         "info: c.yaml:7: c.state_publish_rate: a parameter up to humble only, not of "
         "jazzy; it has no effect"

@@ -30,6 +30,7 @@ from arm_drake.messages import (
 )
 from arm_drake.simulation.motion import (
     FollowThing,
+    LimitWatch,
     Motion,
     MotionStep,
     PickThing,
@@ -37,7 +38,6 @@ from arm_drake.simulation.motion import (
     PlanTo,
     SetPayloads,
     TopicMessage,
-    find_beyond_limits,
 )
 from arm_drake.simulation.motion_files import load_motion, parse_motion
 
@@ -974,7 +974,7 @@ def test_speeds_beyond_the_limits_are_those_of_points_and_of_the_ways_between():
             for velocities in (rest[0] if rest else (),)
         ]
         trajectory = JointTrajectory(joint_names=names, points=made)
-        return list(find_beyond_limits(joints, trajectory, start))
+        return list(LimitWatch(joints).find(trajectory, start))
 
     assert problems((1.0, (2.0, 0.0, 0.0)), (2.0, (0.0, 2.0, 0.0)), pan=0.0) == []
     assert problems((1.0, (3.0, 0.0, 0.0)), (2.0, (0.5, 0.0, 0.0)), pan=0.0) == [
