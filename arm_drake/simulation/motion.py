@@ -390,6 +390,8 @@ class LimitWatch:
                         speed = max(speed, abs(q - last) / step)
                 if speed > most:
                     fast[order[k]] = speed
+            if is_beyond and not all(map(math.isfinite, positions)):
+                return  # Nor does it take these.
             if is_beyond:
                 at = dict(zip(order, positions, strict=True))
                 for name, problem in beyond_limits(self._joints.values(), at):
