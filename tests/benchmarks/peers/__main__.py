@@ -40,7 +40,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         prog="python -m tests.benchmarks.peers", description=__doc__.partition("\n")[0]
     )
-    parser.add_argument("--quick", action="store_true", help="shorter, and rougher")
+    parser.add_argument(
+        "--quick",
+        action="store_true",
+        help="shorter, and rougher: a goal's first cycles count for a quarter",
+    )
     parser.add_argument("--output", type=Path, default=Path("out/benchmarks"))
     parser.add_argument("--runs", type=int, help="turns; by default 7, quickly 3")
     parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS)
