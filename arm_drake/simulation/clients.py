@@ -299,7 +299,10 @@ def _warn_of_limits(
     if not isinstance(trajectory, JointTrajectory):
         return
     prefix = name.removesuffix(system.params.controller_name)
-    watch, start = mailbox.watch_limits(robot, prefix)
+    found = mailbox.watch_limits(robot, prefix)
+    if found is None:
+        return
+    watch, start = found
     lines: dict[str, str] = {}
     for index, joint, problem in watch.find(trajectory, start):
         lines.setdefault(joint, f"{name}: points[{index}]: {problem}")

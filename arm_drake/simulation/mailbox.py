@@ -114,6 +114,9 @@ SimulationEvent: TypeAlias = (
 # How goals end that failed.
 _FAILED = (GoalStatus.REJECTED, GoalStatus.ABORTED)
 
+# So many trajectories of one instant are watched for limits, for each robot.
+_MOST_WATCHED = 100
+
 # What `AbstractValue.Make` makes of an object, found once.
 _Value = Value[object]
 
@@ -200,8 +203,9 @@ class Mailbox:
         """Forget all, as the simulation begins anew."""
         self._next_event = [0] * len(self._sources)
 
-        # Where the joints of robots are at a time [s], by their prefixes.
-        self._starts: dict[str, tuple[float, dict[str, float]]] = {}
+        # Of robots, by their prefixes: a time [s], how many trajectories were watched
+        # for limits then, and where the joints are.
+        self._starts: dict[str, tuple[float, int, dict[str, float]]] = {}
 
         # What lies on the ports.
         self._lying: dict[str, list[Sent]] = {}
@@ -345,18 +349,23 @@ class Mailbox:
 
     def watch_limits(
         self, robot: Robot, prefix: str
-    ) -> tuple[LimitWatch, Mapping[str, float]]:
-        """Return what finds joints beyond their limits, and where they are now."""
-        joints = robot.description.movable_joints
-        if prefix not in self._watches:
-            self._watches[prefix] = LimitWatch(joints)
+    ) -> tuple[LimitWatch, Mapping[str, float]] | None:
+        """Return what finds joints beyond their limits, and where they are now.
+
+        Of very many trajectories of one instant the first ones are watched, for it
+        takes about as long as sending them: then there is None.
+        """
         now = self.time
-        then, start = self._starts.get(prefix, (math.nan, {}))
+        then, count, start = self._starts.get(prefix, (math.nan, 0, {}))
         if then != now:
+            names = [joint.name for joint in robot.description.movable_joints]
             values = self.eval_output(f"{prefix}joint_states").tolist()
-            names = [joint.name for joint in joints]
-            start = dict(zip(names, values, strict=False))
-            self._starts[prefix] = now, start
+            count, start = 0, dict(zip(names, values, strict=False))
+        self._starts[prefix] = now, count + 1, start
+        if count >= _MOST_WATCHED:
+            return None
+        if prefix not in self._watches:
+            self._watches[prefix] = LimitWatch(robot.description.movable_joints)
         return self._watches[prefix], start
 
     def forget_before(self, time: float) -> None:
