@@ -24,8 +24,10 @@ _INTERFACES = (
     "interface_name",
 )
 
-# Parameters of bases that name driven joints, and those that name steered ones.
+# Wheels of a swerve drive, in the order of its controller.
 _CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
+
+# Parameters of bases that name driven joints, and those that name steered ones.
 STEERING = (("traction_joints_names",), ("steering_joints_names",))
 WHEEL_PARAMETERS: Mapping[str, Sequence[Sequence[str]]] = {
     "diff_drive_controller/DiffDriveController": (

@@ -107,15 +107,18 @@ def add_hardware(
     state = plant.get_state_output_port(model)
     dry = find_dry_friction(alone, description, initial) if options.friction else None
     effort = command = friction = None
+    # What reads the state of the robot alone, and tells dry friction.
     reader: Diagram | None = None
-    if names and not only_pushes:
-        reader = _make_servo(drive, initial, dry, options, has_modes, has_limits)
-        builder.AddNamedSystem(f"{prefix}servo", reader)
-        effort, command = reader.GetOutputPort("effort"), reader.GetInputPort("command")
-    elif names:
-        servo = make_push(drive.gains.effort_limit)
+    if names:
+        if only_pushes:
+            servo = make_push(drive.gains.effort_limit)
+        else:
+            reader = servo = _make_servo(
+                drive, initial, dry, options, has_modes, has_limits
+            )
         builder.AddNamedSystem(f"{prefix}servo", servo)
         effort, command = servo.GetOutputPort("effort"), servo.GetInputPort("command")
+        builder.Connect(effort, plant.get_actuation_input_port(model))
     if dry is not None and reader is None:
         reader = make_dry_friction(dry, alone.num_multibody_states(), alone.time_step())
         builder.AddNamedSystem(f"{prefix}dry_friction", reader)
@@ -127,8 +130,6 @@ def add_hardware(
             D = _picked_velocities(plant, model, dry.names).T
             tau = reader.GetOutputPort("friction")
             friction = Wiring(builder).times(f"{prefix}friction_forces", D, tau)
-    if effort is not None:
-        builder.Connect(effort, plant.get_actuation_input_port(model))
     motions, joint_states = add_state_interfaces(
         builder, plant, model, description, names, effort, prefix
     )

@@ -188,7 +188,8 @@ class ControllerHandle:
         Args:
             trajectory: What to follow from the controller's next tick on.
             where: Where it comes from, for messages. Without it there is an
-                ArmDrakeWarning of what goes beyond limits of joints.
+                ArmDrakeWarning of what goes beyond limits of joints, for the first
+                hundred trajectories of an instant.
 
         Raises:
             InputError: If the controller has no such topic.

@@ -17,6 +17,7 @@ from arm_drake.controllers.bases.base import BaseCommand, BaseController, Veloci
 from arm_drake.controllers.controller_interface import ControllerInterfaceParams
 from arm_drake.controllers.cycles import UpdateContext
 from arm_drake.controllers.topics import CHAINED, Inbox
+from arm_drake.description.claimed_hardware import WHEEL_PARAMETERS
 from arm_drake.description.parameters import (
     check_length,
     check_not_empty,
@@ -25,10 +26,11 @@ from arm_drake.description.parameters import (
 from arm_drake.importing import dataclass
 from arm_drake.messages import NANOSECONDS
 
-_CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
-WHEELS = tuple(f"{corner}_wheel_joint" for corner in _CORNERS)
-AXLES = tuple(f"{corner}_axle_joint" for corner in _CORNERS)
-_THRESHOLDS = tuple(f"{corner}_velocity_threshold" for corner in _CORNERS)
+# Parameters that name the wheels' joints, those that steer them, and with limits.
+WHEELS, AXLES = WHEEL_PARAMETERS["swerve_drive_controller/SwerveController"]
+_THRESHOLDS = tuple(
+    name.replace("wheel_joint", "velocity_threshold") for name in WHEELS
+)
 
 
 @dataclass(frozen=True)
